@@ -1,0 +1,154 @@
+"""HarrisDetector: response, local maxima, filter, orientation (exercises 1 and 2, end to end)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar
+
+import cv2
+import numpy as np
+
+from rvc_features import filters, key_points, maxima, response
+from rvc_features.feature_detector import FeatureDetector, as_grey
+from rvc_features.orientation import gradient_orientation
+from rvc_features.parameters import Flag, Integer, Real, parameter
+
+
+@dataclass(frozen=True)
+class HarrisDetector(FeatureDetector):
+    """Corners after Harris and Stephens, in several octaves, with a direction.
+
+    A key point is a local maximum of the Harris response H above `minimum_response` that passes one of three filters,
+    each applied to the candidates of all octaves together: `anms` if set, else the strongest `number_of_points` with
+    `fixed_number_of_points`, else those above `threshold` times the largest H.
+
+    `KeyPoint.pt` and `.size` are in pixels of the full image whatever the octave; `.size` is the side of the window,
+    `.response` is H, `.octave` counts from 0.
+
+    Parameters
+    ----------
+    See the fields below; ranges and meanings stand with each. `parameters.specifications(HarrisDetector)` lists them.
+
+    Raises
+    ------
+    TypeError, ValueError
+        For a value that is not accepted, with its name, what was given and what is accepted.
+
+    Examples
+    --------
+    >>> image = np.zeros((60, 80), np.uint8)
+    >>> image[20:40, 30:60] = 200
+    >>> detector = HarrisDetector(window_size=3, threshold=0.1, subpixel=False)
+    >>> sorted(point.pt for point in detector.detect(image))
+    [(30.0, 20.0), (30.0, 39.0), (59.0, 20.0), (59.0, 39.0)]
+    """
+
+    name: ClassVar[str] = 'harris'
+
+    window_size: int = parameter(5, response.WINDOW_SIZE)
+    window: str = parameter('gaussian', response.WINDOW)
+    threshold: float = parameter(0.01, Real(
+        'Least response as a share of the largest one in the image.', 0, 1))
+    harris_k: float = parameter(0.04, response.HARRIS_K)
+    minimum_response: float = parameter(10.0, Real(
+        'Least response whatever the image: keeps noise in flat images out.', 0))
+    fixed_number_of_points: bool = parameter(False, Flag(
+        'Take the strongest number_of_points instead of all above the threshold.'))
+    number_of_points: int = parameter(500, Integer(
+        'How many points fixed_number_of_points takes at the most.', 0))
+    octaves: int = parameter(1, Integer(
+        'Levels of the image pyramid; each has half the size of the one before.', 1, 10))
+    anms: bool = parameter(False, Flag(
+        'Adaptive non-maximal suppression: spread the points over the image. Wins over fixed_number_of_points.'))
+    anms_points: int = parameter(500, Integer(
+        'How many points adaptive non-maximal suppression takes at the most.', 0))
+    anms_robustness: float = parameter(0.9, Real(
+        'c_r: a point is suppressed only by one that is stronger by 1 / c_r.', 0, 1, above_low=True))
+    local_maxima: bool = parameter(True, Flag(
+        'Take only local maxima of the response; without, every pixel that passes is a point.'))
+    subpixel: bool = parameter(True, Flag(
+        'Refine the position of local maxima between the pixels.'))
+    derivative_sigma: float = parameter(0.0, response.DERIVATIVE_SIGMA)
+    border: int = parameter(0, Integer(
+        'Width in pixels of a rim of each octave in which no point is taken.', 0))
+    orientation_sigma: float = parameter(2.5, Real(
+        'Size of the larger kernel for the orientation: standard deviation in pixels of the octave.',
+        0, 50, above_low=True))
+
+    def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
+        """Candidates of every octave, then one filter over all of them together."""
+        candidates, octave_images = [], []
+        for octave in range(self.octaves):
+            if octave > 0:
+                if min(image.shape) < 2 * _SMALLEST_OCTAVE:
+                    break
+                # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
+                image = cv2.pyrDown(image)
+                mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
+            candidates.append(self.harris_corners(image, octave, mask))
+            octave_images.append(image)
+        found = np.concatenate(candidates)
+        found = found[self._filter(found)]
+        self._orient(found, octave_images)
+        return found
+
+    def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None) -> np.ndarray:
+        """Candidates of one octave: local maxima of the response above `minimum_response`, without angle.
+
+        Parameters
+        ----------
+        image : ndarray, uint8, shape (H, W)
+            The octave's own image, 2**octave times smaller than the full one.
+        octave : int
+        mask : ndarray, uint8, shape (H, W), optional
+
+        Returns
+        -------
+        ndarray of key_points.DTYPE, shape (N,)
+            Positions and sizes in pixels of the full image, in reading order.
+        """
+        h = response.harris_response(image, self.window_size, self.window, self.harris_k, self.derivative_sigma)
+        find = maxima.local_maxima if self.local_maxima else maxima.pixels_above
+        x, y = find(h, self.minimum_response)
+        allowed = _inside(x, y, h.shape, self.border)
+        if mask is not None:
+            allowed &= mask[y, x] != 0
+        x, y = x[allowed], y[allowed]
+
+        scale = 2 ** octave
+        found = key_points.empty(len(x))
+        found['response'] = h[y, x]
+        refined = maxima.refine(h, x, y) if self.local_maxima and self.subpixel else (x, y)
+        found['x'], found['y'] = refined[0] * scale, refined[1] * scale
+        found['size'] = self.window_size * scale
+        found['octave'] = octave
+        return found
+
+    def response_map(self, image: np.ndarray) -> np.ndarray:
+        """H of the full image."""
+        return response.harris_response(as_grey(image), self.window_size, self.window, self.harris_k,
+                                        self.derivative_sigma)
+
+    def _filter(self, found: np.ndarray) -> np.ndarray:
+        if self.anms:
+            points = np.column_stack((found['x'], found['y']))
+            return filters.adaptive_non_maximal_suppression(points, found['response'], self.anms_points,
+                                                            self.anms_robustness)
+        if self.fixed_number_of_points:
+            return filters.strongest(found['response'], self.number_of_points)
+        return filters.above_threshold(found['response'], self.threshold, found['response'].max(initial=0))
+
+    def _orient(self, found: np.ndarray, octave_images: list[np.ndarray]) -> None:
+        for octave, image in enumerate(octave_images):
+            here = np.flatnonzero(found['octave'] == octave)
+            x = np.rint(found['x'][here] / 2 ** octave).astype(np.intp)
+            y = np.rint(found['y'][here] / 2 ** octave).astype(np.intp)
+            found['angle'][here] = gradient_orientation(image, x, y, self.orientation_sigma)
+
+
+_SMALLEST_OCTAVE = 8   # pixels: no octave gets smaller than this to either side
+
+
+def _inside(x: np.ndarray, y: np.ndarray, shape: tuple[int, ...], border: int) -> np.ndarray:
+    height, width = shape
+    return (x >= border) & (x < width - border) & (y >= border) & (y < height - border)
