@@ -53,7 +53,7 @@ class FeatureDetector(ABC):
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Key points of a checked grey image as an array of `key_points.DTYPE`, in any order.
 
-        `mask` is None or uint8 of the image's shape, 0 where no key point may lie.
+        `mask` is None or uint8 of the image's shape: 255, or 0 where no key point may lie.
         """
 
     def response_map(self, image: np.ndarray) -> np.ndarray | None:
@@ -85,4 +85,4 @@ def _as_mask(mask: np.ndarray | None, shape: tuple) -> np.ndarray | None:
         raise TypeError(f'{accepted}; got {mask.dtype}')
     if mask.shape != shape:
         raise ValueError(f'{accepted}; got {mask.shape}')
-    return mask.astype(np.uint8)
+    return (mask != 0).astype(np.uint8) * np.uint8(255)   # ORB ignores anything below 255

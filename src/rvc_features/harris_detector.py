@@ -136,13 +136,13 @@ class HarrisDetector(FeatureDetector):
                                                             self.anms_robustness)
         if self.fixed_number_of_points:
             return filters.strongest(found['response'], self.number_of_points)
-        return filters.above_threshold(found['response'], self.threshold, found['response'].max(initial=0))
+        return filters.above_threshold(found['response'], self.threshold,
+                                       float(found['response'].max(initial=0)))
 
     def _orient(self, found: np.ndarray, octave_images: list[np.ndarray]) -> None:
         for octave, image in enumerate(octave_images):
             here = np.flatnonzero(found['octave'] == octave)
-            x = np.rint(found['x'][here] / 2 ** octave).astype(np.intp)
-            y = np.rint(found['y'][here] / 2 ** octave).astype(np.intp)
+            x, y = found['x'][here] / 2 ** octave, found['y'][here] / 2 ** octave
             found['angle'][here] = gradient_orientation(image, x, y, self.orientation_sigma)
 
 

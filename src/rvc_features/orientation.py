@@ -8,15 +8,16 @@ import numpy as np
 def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> np.ndarray:
     """Angle of the smoothed gradient at each point.
 
-    The gradient is that of the image smoothed by a Gaussian, computed at the points only, with the Gaussian's
-    derivatives as kernels. The exercise sheet writes theta = arctan(grad_x / grad_y), which is 90 degrees minus the
-    angle returned here; OpenCV's convention is kept because its descriptors rely on it.
+    The gradient is that of the image smoothed by a Gaussian, computed at the points only: the Gaussian's derivatives
+    are the kernels, centred between the pixels where the point is. The exercise sheet writes
+    theta = arctan(grad_x / grad_y), which is 90 degrees minus the angle returned here; OpenCV's convention is kept
+    because its descriptors rely on it.
 
     Parameters
     ----------
     image : ndarray, uint8 or float32, shape (H, W)
-    x, y : ndarray of int, shape (N,)
-        Pixels inside the image.
+    x, y : ndarray of float, shape (N,)
+        Positions inside the image, in pixels; they need not be whole.
     sigma : float
         Standard deviation of the Gaussian in pixels, positive.
 
@@ -26,20 +27,25 @@ def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma:
         atan2(I_y, I_x) in degrees, in [0, 360): clockwise from +x as the image is seen. 0 where there is no gradient.
     """
     radius = int(np.ceil(3 * sigma))
-    offsets = np.arange(-radius, radius + 1)
-    smooth = np.exp(-offsets ** 2 / (2 * sigma ** 2)).astype(np.float32)
-    slope = (offsets * smooth).astype(np.float32)
+    columns, weights_x, slopes_x = _kernel(x, image.shape[1], radius, sigma)
+    rows, weights_y, slopes_y = _kernel(y, image.shape[0], radius, sigma)
+    patches = image[rows[:, :, None], columns[:, None, :]].astype(np.float64)
+    gradient_x = np.einsum('nyx,ny,nx->n', patches, weights_y, slopes_x)
+    gradient_y = np.einsum('nyx,ny,nx->n', patches, slopes_y, weights_x)
 
-    columns = _reflected(x[:, None] + offsets, image.shape[1])
-    rows = _reflected(y[:, None] + offsets, image.shape[0])
-    patches = image[rows[:, :, None], columns[:, None, :]].astype(np.float32)
-    gradient_x = (patches @ slope) @ smooth
-    gradient_y = (patches @ smooth) @ slope
-
-    angle = np.degrees(np.arctan2(gradient_y, gradient_x)) % 360
-    angle = angle.astype(np.float32)
+    angle = (np.degrees(np.arctan2(gradient_y, gradient_x)) % 360).astype(np.float32)
     angle[angle >= 360] = 0   # what the remainder of a tiny negative angle rounds to
     return angle
+
+
+def _kernel(position: np.ndarray, length: int, radius: int, sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Indices of the pixels round each position, their Gaussian weights, and those of the Gaussian's derivative."""
+    index = np.rint(position).astype(np.intp)[:, None] + np.arange(-radius, radius + 1)
+    distance = index - np.asarray(position, np.float64)[:, None]
+    weights = np.exp(-distance ** 2 / (2 * sigma ** 2))
+    slopes = distance * weights
+    slopes -= weights * (slopes.sum(axis=1) / weights.sum(axis=1))[:, None]   # flat areas have no gradient
+    return _reflected(index, length), weights, slopes
 
 
 def _reflected(index: np.ndarray, length: int) -> np.ndarray:

@@ -78,7 +78,7 @@ class Real(Specification):
         return float(value)
 
     def nearest(self, value: Any, previous: Any) -> float:
-        number = min(max(_finite(value), self.low), self.high)
+        number = float(min(max(_finite(value), self.low), self.high))
         if self.above_low and number == self.low:
             raise ValueError(self.accepted())
         return number

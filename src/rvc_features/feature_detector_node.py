@@ -1,0 +1,220 @@
+"""The node: images in, the same images with key points out (exercise 1, step 1; exercise 2, step 1).
+
+    rosrun rvc_features feature_detector in:=/camera/image_raw
+
+Subscribed topics
+    in (sensor_msgs/Image, or what ~image_transport names)
+        The camera. Subscribed to only while somebody listens to one of the topics below.
+
+Published topics
+    image (sensor_msgs/Image and the other transports, bgr8)
+        The image with the key points drawn in.
+    key_points (rvc_features/KeyPoints)
+        The key points, strongest first.
+    response (sensor_msgs/Image, mono8)
+        The detector's response map, where it has one: corners bright, edges dark.
+    /diagnostics (diagnostic_msgs/DiagnosticArray)
+        Once a second: frames received, processed, dropped, rejected; points; milliseconds per frame.
+
+Parameters
+    Those of cfg/FeatureDetectorConfig.cfg, by dynamic_reconfigure or preset, and
+    ~image_transport (string, default: raw)
+        Transport of `in`.
+    ~detector_modules (list of strings, default: empty)
+        Python modules to import at start that register detectors of their own.
+
+Stamp and frame_id of all that is published are those of the input image. When images come faster than they can be
+processed, the newest one is taken and the others are counted as dropped.
+"""
+
+from __future__ import annotations
+
+import importlib
+import threading
+import time
+import traceback
+from typing import Any
+
+import rospy
+from diagnostic_msgs.msg import DiagnosticStatus
+from diagnostic_updater import Updater
+from sensor_msgs.msg import Image
+
+from rvc_features import detector_config
+from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
+from rvc_features.drawing import displayable_response, draw_key_points
+from rvc_features.feature_detector import as_grey
+from rvc_features.image_messages import ImageError, to_array, to_image_message
+from rvc_features.image_transport import ImageTransport
+from rvc_features.msg import KeyPoints
+from rvc_features.newest_worker import NewestWorker
+from rvc_features.node_statistics import NodeStatistics
+from rvc_features.reconfigure import ReconfigureServer, with_detectors
+
+_WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
+_REPORT_PERIOD = 1.0    # seconds between two diagnostic messages
+
+
+class FeatureDetectorNode:
+    """Subscriber, worker and publishers; the detector is one reference that `update_config` swaps."""
+
+    def __init__(self) -> None:
+        self.statistics = NodeStatistics()
+        self._import_detectors(rospy.get_param('~detector_modules', []))
+        config_type = with_detectors(FeatureDetectorConfig)
+        self._settled = dict(config_type.defaults)
+        self.detector = detector_config.create(self._settled)
+        self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameter)
+
+        self.worker = NewestWorker(self.process, 'feature_detector')
+        self.subscriber = None
+        self.image_transport = ImageTransport()
+        self._listeners_changed = threading.Event()
+        self.image_publisher = self.image_transport.advertise(
+            'image', queue_size=1, subscriber_connected=self._listeners_changed.set,
+            subscriber_disconnected=self._listeners_changed.set)
+        listener = _Listener(self._listeners_changed)
+        self.key_points_publisher = rospy.Publisher('key_points', KeyPoints, listener, tcp_nodelay=True, queue_size=1)
+        self.response_publisher = rospy.Publisher('response', Image, listener, tcp_nodelay=True, queue_size=1)
+
+        self.diagnostics = Updater()
+        self.diagnostics.setHardwareID('none')
+        self.diagnostics.add('feature detector', self.report)
+        self._housekeeper = threading.Thread(target=self._keep_house, name='housekeeper', daemon=True)
+        self._housekeeper.start()
+        rospy.on_shutdown(self.shutdown)
+
+    def update_config(self, config: Any, level: int) -> Any:
+        """Callback of dynamic_reconfigure: a new detector takes the place of the old one."""
+        for problem in detector_config.settle(config, self._settled):
+            self.reject_parameter(problem)
+        self.detector, self._settled = detector_config.create(config), dict(config)
+        rospy.loginfo('detector: %s', self.detector)
+        return config
+
+    def reject_parameter(self, problem: str) -> None:
+        """Count and report a parameter value that was refused."""
+        self.statistics.parameter_rejected()
+        rospy.logwarn('parameter refused: %s', problem)
+
+    def image_message_callback(self, message: Any) -> None:
+        """Called for each image: only keeps it, for the worker to take the newest."""
+        self.worker.put(message)
+
+    def process(self, message: Any) -> None:
+        """One image from message to messages, in the worker's thread; a bad one is reported and skipped."""
+        start = time.perf_counter()
+        try:
+            points = self._detect_and_publish(message)
+        except ImageError as error:
+            self.statistics.frame_rejected(str(error))
+            rospy.logwarn_throttle(_WARNING_PERIOD, f'image skipped: {error}')
+        except Exception as error:   # of whatever detector is plugged in: the next frame may be better
+            self.statistics.frame_rejected(f'{type(error).__name__}: {error}')
+            rospy.logerr_throttle(_WARNING_PERIOD, f'image skipped:\n{traceback.format_exc()}')
+        else:
+            self.statistics.frame_processed(points, time.perf_counter() - start)
+
+    def report(self, status: Any) -> Any:
+        """Fill in the node's diagnostic status."""
+        interval = self.statistics.interval()
+        if self.subscriber is None:
+            status.summary(DiagnosticStatus.OK, 'idle: nobody listens')
+        elif interval.frames_rejected:
+            status.summary(DiagnosticStatus.WARN, f'images rejected: {self.statistics.last_problem}')
+        elif interval.frames == 0:
+            status.summary(DiagnosticStatus.WARN, f'no images on {self.subscriber.get_topic()}')
+        else:
+            status.summary(DiagnosticStatus.OK, f'{interval.frames / interval.seconds:.1f} images per second')
+        milliseconds = f'{1000 * interval.busy_seconds / interval.frames:.1f}' if interval.frames else 'none'
+        for name, value in (('detector', self.detector.name), ('frames received', self.worker.received),
+                            ('frames processed', self.statistics.processed),
+                            ('frames dropped for newer ones', self.worker.dropped),
+                            ('frames rejected', self.statistics.frames_rejected),
+                            ('last rejected because', self.statistics.last_problem),
+                            ('parameter values rejected', self.statistics.parameters_rejected),
+                            ('key points in last frame', self.statistics.points),
+                            ('milliseconds per frame', milliseconds)):
+            status.add(name, str(value))
+        return status
+
+    def shutdown(self) -> None:
+        """End the threads; called by rospy."""
+        self._listeners_changed.set()
+        self._housekeeper.join()
+        self.worker.stop()
+
+    def _detect_and_publish(self, message: Any) -> int:
+        detector = self.detector   # the same one for the whole frame
+        draw = self.image_publisher.get_num_subscribers() > 0
+        image = to_array(message, 'bgr8' if draw else 'mono8')
+        grey = as_grey(image)
+        found = detector.detect_arrays(grey)
+
+        if self.key_points_publisher.get_num_connections() > 0:
+            height, width = grey.shape
+            self.key_points_publisher.publish(KeyPoints(
+                header=message.header, detector=detector.name, width=width, height=height,
+                **{name: found[name] for name in found.dtype.names}))
+        if draw:
+            self.image_publisher.publish_array(draw_key_points(image, found), 'bgr8', message.header)
+        if self.response_publisher.get_num_connections() > 0:
+            response = detector.response_map(grey)
+            if response is None:
+                rospy.logwarn_throttle(_WARNING_PERIOD, f'{detector.name} has no response map to publish')
+            else:
+                picture = displayable_response(response)
+                self.response_publisher.publish(to_image_message(picture, 'mono8', message.header))
+        return len(found)
+
+    def _keep_house(self) -> None:
+        """Subscribe while somebody listens, and report once a second (by the wall, whatever /clock does).
+
+        A thread of its own, because rospy announces listeners with locks held that subscribing needs too.
+        """
+        next_report = time.monotonic()
+        while not rospy.is_shutdown():
+            self._update_subscription()
+            if time.monotonic() >= next_report:
+                self.diagnostics.force_update()
+                next_report += _REPORT_PERIOD
+            if self._listeners_changed.wait(max(0.0, next_report - time.monotonic())):
+                self._listeners_changed.clear()
+
+    def _update_subscription(self) -> None:
+        wanted = (self.image_publisher.get_num_subscribers() + self.key_points_publisher.get_num_connections()
+                  + self.response_publisher.get_num_connections()) > 0
+        if wanted and self.subscriber is None:
+            self.subscriber = self.image_transport.subscribe('in', self.image_message_callback, queue_size=1,
+                                                             decode=False)
+        elif not wanted and self.subscriber is not None:
+            self.subscriber.shutdown()
+            self.subscriber = None
+
+    def _import_detectors(self, modules: Any) -> None:
+        for module in [modules] if isinstance(modules, str) else modules:
+            try:
+                importlib.import_module(module)
+            except Exception:   # of a module that is not ours: its detectors are missing, the others work
+                rospy.logerr(f'~detector_modules: {module!r} can not be imported:\n{traceback.format_exc()}')
+
+
+class _Listener(rospy.SubscribeListener):
+    """Sets an event when somebody begins or ceases to listen."""
+
+    def __init__(self, changed: threading.Event) -> None:
+        super().__init__()
+        self._changed = changed
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        self._changed.set()
+
+    def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
+        self._changed.set()
+
+
+def main() -> None:
+    """Run the node until it is told to end."""
+    rospy.init_node('feature_detector')
+    FeatureDetectorNode()
+    rospy.spin()

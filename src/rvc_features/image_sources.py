@@ -1,0 +1,156 @@
+"""Frames from image files, folders and videos. (Bags are in bags.py: they need ROS.)"""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Iterator, NamedTuple, Sequence
+
+import cv2
+import numpy as np
+
+IMAGE_SUFFIXES = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp')
+
+
+class SourceError(ValueError):
+    """A file that can't be used; the text names it and says what is accepted."""
+
+
+class Frame(NamedTuple):
+    """One image and where it comes from."""
+
+    name: str               # file name, or file name and number of the frame
+    image: np.ndarray       # uint8, (H, W) grey or (H, W, 3) BGR
+    time: float | None      # seconds since the start, where the source knows
+
+
+class ImageFiles:
+    """Images from files and folders, in natural order (img2 before img10) within each folder.
+
+    Parameters
+    ----------
+    paths : sequence of str or Path
+        Image files, and folders whose image files are taken (not those of their sub-folders).
+
+    Raises
+    ------
+    SourceError
+        When a path is missing, is no image, or a folder has no images.
+    """
+
+    def __init__(self, paths: Sequence[str | Path]) -> None:
+        self.paths = [file for path in paths for file in _image_paths(Path(path))]
+
+    def __len__(self) -> int:
+        return len(self.paths)
+
+    def __iter__(self) -> Iterator[Frame]:
+        for path in self.paths:
+            yield Frame(path.name, read_image(path), None)
+
+
+class Video:
+    """Frames of a video file.
+
+    Parameters
+    ----------
+    path : str or Path
+
+    Attributes
+    ----------
+    rate : float
+        Frames per second as the file says, or 0 where it doesn't.
+
+    Raises
+    ------
+    SourceError
+        When the file is missing or OpenCV can't read it.
+    """
+
+    def __init__(self, path: str | Path) -> None:
+        self.path = Path(path)
+        capture = self._open()
+        self.rate = max(capture.get(cv2.CAP_PROP_FPS), 0.0)
+        self._count = int(max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 0))
+        capture.release()
+
+    def __len__(self) -> int:
+        """Number of frames as the file says; some files are wrong about it."""
+        return self._count
+
+    def __iter__(self) -> Iterator[Frame]:
+        capture = self._open()
+        number = 0
+        try:
+            while True:
+                read, image = capture.read()
+                if not read:
+                    break
+                yield Frame(f'{self.path.name} {number}', image, number / self.rate if self.rate else None)
+                number += 1
+        finally:
+            capture.release()
+        if number == 0:
+            raise SourceError(f'{self.path}: no frame can be read from this video')
+
+    def _open(self) -> cv2.VideoCapture:
+        if not self.path.is_file():
+            raise SourceError(f'{self.path}: no such file')
+        capture = cv2.VideoCapture(str(self.path))
+        if not capture.isOpened():
+            raise SourceError(f'{self.path}: not a video that OpenCV can read')
+        return capture
+
+
+def open_source(paths: Sequence[str | Path]) -> ImageFiles | Video:
+    """The frames of one video, or of any number of image files and folders; SourceError otherwise."""
+    if len(paths) == 1 and Path(paths[0]).is_file() and not is_image(Path(paths[0])):
+        return Video(paths[0])
+    return ImageFiles(paths)
+
+
+def read_image(path: str | Path) -> np.ndarray:
+    """One image file as uint8, grey or BGR as it is stored; SourceError where it can't be decoded."""
+    try:
+        data = np.fromfile(path, np.uint8)
+    except OSError as error:
+        raise SourceError(f'{path}: {error.strerror}') from None
+    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size and not _is_cut_short(data.tobytes()) else None
+    if image is None:
+        raise SourceError(f'{path}: not an image that OpenCV can read, or cut short '
+                          f'(accepted: {", ".join(IMAGE_SUFFIXES)})')
+    if image.dtype != np.uint8:
+        image = cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)
+    if image.ndim == 3 and image.shape[2] == 4:
+        image = cv2.cvtColor(image, cv2.COLOR_BGRA2BGR)
+    return image
+
+
+def _is_cut_short(data: bytes) -> bool:
+    """Whether the end of a JPEG or PNG file is missing: OpenCV then fills up with grey and says nothing."""
+    if data.startswith(b'\xff\xd8'):
+        return b'\xff\xd9' not in data[-4096:]   # some cameras add a few bytes after the end
+    return data.startswith(b'\x89PNG') and b'IEND' not in data[-4096:]
+
+
+def is_image(path: Path) -> bool:
+    """Whether the file's name ends like that of an image."""
+    return path.suffix.lower() in IMAGE_SUFFIXES
+
+
+def natural_order(path: Path) -> list[tuple[int, str]]:
+    """Sort key that puts img2 before img10."""
+    return [(int(digits or 0), text) for digits, text in re.findall(r'(\d+)|(\D+)', path.name)]
+
+
+def _image_paths(path: Path) -> list[Path]:
+    if path.is_dir():
+        files = sorted((file for file in path.iterdir() if file.is_file() and is_image(file)), key=natural_order)
+        if not files:
+            raise SourceError(f'{path}: no images in this folder (accepted: {", ".join(IMAGE_SUFFIXES)})')
+        return files
+    if not path.exists():
+        raise SourceError(f'{path}: no such file or folder')
+    if not is_image(path):
+        raise SourceError(f'{path}: not an image (accepted: {", ".join(IMAGE_SUFFIXES)}) or a folder of images')
+    return [path]

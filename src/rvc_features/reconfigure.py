@@ -1,0 +1,137 @@
+"""A dynamic_reconfigure server that no request can break, and that also shows detectors from other packages."""
+
+from __future__ import annotations
+
+import ast
+import copy
+import traceback
+from types import SimpleNamespace
+from typing import Any, Callable
+
+import rospy
+from dynamic_reconfigure.encoding import decode_config, encode_config, extract_params
+from dynamic_reconfigure.server import Server
+
+from rvc_features import detector_config, detectors, parameters
+from rvc_features.parameters import Flag, Integer, Real, Specification
+
+
+class ReconfigureServer(Server):
+    """`dynamic_reconfigure.server.Server`, made safe.
+
+    The original believes what it is sent: a launch file's `abc` for a number ends the node, NaN passes the limits, an
+    exception in the callback kills the panel in rqt_reconfigure. Here each value, preset or sent, becomes one of the
+    declared type and range, or is refused with a warning while the last good one stays; and the callback's errors end
+    in the log.
+
+    Parameters
+    ----------
+    config_type : module
+        Generated from a .cfg file, or made by `with_detectors`.
+    callback : callable
+        Takes (config, level) and returns the configuration that is now in force.
+    namespace : str
+        As in dynamic_reconfigure; default: the node's private one.
+    reject : callable
+        Takes a sentence for each value that is refused; default: a warning in the log.
+    """
+
+    def __init__(self, config_type: Any, callback: Callable[[Any, int], Any], namespace: str = '',
+                 reject: Callable[[str], None] = rospy.logwarn) -> None:
+        self._reject = reject
+        self._specifications = {entry['name']: _specification(config_type, entry)
+                                for entry in extract_params(config_type.config_description)}
+        self._callback = callback
+        super().__init__(config_type, self._guarded_callback, namespace)
+
+    def update_configuration(self, changes: dict[str, Any]) -> Any:
+        known = {}
+        for name, value in changes.items():
+            if name in self._specifications:
+                known[name] = value
+            else:
+                self._reject(f'there is no {name!r}')
+        return super().update_configuration(known)
+
+    def _clamp(self, config: Any) -> None:
+        """Called by the original on all values before each callback: here is where they become sane."""
+        for name, specification in self._specifications.items():
+            # At start `config` is self.config itself, with the presets in it, and the defaults are the last good ones.
+            previous = self.type.defaults[name] if config is self.config else self.config[name]
+            try:
+                config[name] = specification.nearest(config[name], previous)
+            except ValueError as error:
+                self._reject(f'{name} must be {error}; got {config[name]!r}, {previous!r} stays')
+                config[name] = previous
+
+    def _guarded_callback(self, config: Any, level: int) -> Any:
+        try:
+            return self._callback(config, level)
+        except Exception:
+            rospy.logerr('parameters not taken over, the last ones stay:\n%s', traceback.format_exc())
+            return self.config
+
+    def _set_callback(self, request: Any) -> Any:
+        # Sub-groups, which these servers have none of, crash decode_config (ros/dynamic_reconfigure#109).
+        request.config.groups = []
+        return encode_config(self.update_configuration(decode_config(request.config)))
+
+
+def with_detectors(config_type: Any) -> SimpleNamespace:
+    """A copy of the generated configuration with the detectors it doesn't know: an enum entry and parameters for each.
+
+    Detectors that register themselves from other packages become selectable that way, with sliders of their own.
+    """
+    extended = SimpleNamespace(**{name: copy.deepcopy(getattr(config_type, name))
+                                  for name in ('config_description', 'defaults', 'min', 'max', 'level', 'type')})
+    entries = extended.config_description['parameters']
+    selector = next(entry for entry in entries if entry['name'] == 'detector')
+    enum = ast.literal_eval(selector['edit_method'])
+    listed = [constant['value'] for constant in enum['enum']]
+    for name in detectors.names():
+        if name in listed:
+            continue
+        detector = detectors.get(name)
+        enum['enum'].append({**enum['enum'][0], 'name': name, 'value': name, 'description': detector.__module__})
+        defaults = parameters.defaults(detector)
+        for field, specification in parameters.specifications(detector).items():
+            entry = detector_config.key(name, field)
+            if entry in extended.defaults:
+                continue
+            kind, low, high = _slider(specification)
+            extended.defaults[entry], extended.min[entry], extended.max[entry] = defaults[field], low, high
+            extended.type[entry], extended.level[entry] = kind, 1
+            entries.append({**selector, 'name': entry, 'type': kind, 'default': defaults[field], 'min': low,
+                            'max': high, 'description': f'{name}: {specification.description}', 'edit_method': ''})
+    selector['edit_method'] = repr(enum)
+    return extended
+
+
+class _Text(Specification):
+    """Any string: the choices of an enum are checked by those who know them."""
+
+    def accepted(self) -> str:
+        return 'text'
+
+    def nearest(self, value: Any, previous: Any) -> str:
+        return str(value)
+
+
+def _specification(config_type: Any, entry: dict[str, Any]) -> Specification:
+    """Type and range that the .cfg file declares."""
+    name, kind, text = entry['name'], entry['type'], entry['description']
+    if kind == 'bool':
+        return Flag(text)
+    if kind == 'str':
+        return _Text(text)
+    limits = config_type.min[name], config_type.max[name]
+    return Integer(text, *limits) if kind == 'int' else Real(text, *limits)
+
+
+def _slider(specification: Specification) -> tuple[str, Any, Any]:
+    """Type, least and greatest value of a parameter as dynamic_reconfigure has them."""
+    if isinstance(specification, Integer):
+        return 'int', specification.low, 0x7FFFFFFF if specification.high is None else specification.high
+    if isinstance(specification, Real):
+        return 'double', specification.low, specification.high
+    return ('bool', False, True) if isinstance(specification, Flag) else ('str', '', '')
