@@ -1,0 +1,364 @@
+"""image_transport for Python: images over topics, raw or compressed, exchangeable with C++ nodes.
+
+    transport = ImageTransport()
+    publisher = transport.advertise('camera/image')             # also camera/image/compressed
+    publisher.publish(message)                                  # or publish_array(array, 'bgr8', header)
+    subscriber = transport.subscribe('camera/image', callback)  # raw, or what ~image_transport says
+
+Names, parameters and behaviour are those of the C++ package, in Python's spelling: docs/image_transport.md lists them.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import threading
+from abc import ABC, abstractmethod
+from typing import Any, Callable, ClassVar
+
+import numpy as np
+import rosgraph.names
+import rospy
+import sensor_msgs.msg
+from dynamic_reconfigure.server import Server
+from std_msgs.msg import Header
+
+from rvc_features.cfg import CompressedPublisherConfig
+from rvc_features.image_messages import Image, ImageError, to_compressed_message, to_image_message, unpack
+
+_WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
+
+# More than a message: what rospy reads at once. With less, old frames wait in the socket although queue_size is 1.
+_BUFFER_SIZE = 1 << 24
+
+
+@dataclasses.dataclass(frozen=True)
+class TransportHints:
+    """Which transport a subscriber uses.
+
+    Parameters
+    ----------
+    transport : str
+        The one to use unless the parameter says otherwise.
+    parameter_name, parameter_namespace : str
+        The parameter that overrules it; default: ~image_transport.
+    tcp_nodelay : bool
+        Ask the publisher to send at once instead of waiting to fill a packet.
+    """
+
+    transport: str = 'raw'
+    parameter_name: str = 'image_transport'
+    parameter_namespace: str = '~'
+    tcp_nodelay: bool = True
+
+    def get_transport(self) -> str:
+        return rospy.get_param(rosgraph.names.ns_join(self.parameter_namespace, self.parameter_name), self.transport)
+
+
+class ImageTransport:
+    """Advertises and subscribes to image topics; the node must be initialised."""
+
+    def advertise(self, base_topic: str, queue_size: int = 1, latch: bool = False,
+                  subscriber_connected: Callable[[], Any] | None = None,
+                  subscriber_disconnected: Callable[[], Any] | None = None) -> Publisher:
+        """Announce an image topic, in every transport there is.
+
+        Parameters
+        ----------
+        base_topic : str
+        queue_size : int
+            How many messages may wait for a slow subscriber before the oldest is dropped; 0 for any number.
+        latch : bool
+            Keep the last image for those who subscribe later.
+        subscriber_connected, subscriber_disconnected : callable, optional
+            Called with no arguments, in threads of rospy that hold its locks: setting an event is all they should do.
+        """
+        return Publisher(base_topic, queue_size, latch, subscriber_connected, subscriber_disconnected)
+
+    def subscribe(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int = 1,
+                  transport_hints: TransportHints | None = None, decode: bool = True) -> Subscriber:
+        """Have `callback` called with each image that arrives.
+
+        Parameters
+        ----------
+        base_topic : str
+            Without the transport's name: that is appended after the name has been resolved.
+        callback : callable
+            Takes a sensor_msgs/Image, whatever the transport is.
+        queue_size : int
+            How many messages may wait for the callback before the oldest is dropped; 0 for any number.
+        transport_hints : TransportHints, optional
+        decode : bool
+            False: `callback` takes the transport's own message untouched. `image_messages.to_array` decodes it, in
+            a thread and at a time of the caller's choice.
+
+        Raises
+        ------
+        ValueError
+            When the transport is unknown.
+        """
+        return Subscriber(base_topic, callback, queue_size, transport_hints or TransportHints(), decode)
+
+    def get_declared_transports(self) -> list[str]:
+        """Names of all transports."""
+        return sorted(TRANSPORTS)
+
+
+class Publisher:
+    """An advertised image topic; made by `ImageTransport.advertise`.
+
+    An image is encoded at most once for each transport, and only for those that somebody listens to.
+    """
+
+    def __init__(self, base_topic: str, queue_size: int, latch: bool, subscriber_connected: Callable[[], Any] | None,
+                 subscriber_disconnected: Callable[[], Any] | None) -> None:
+        self._base_topic = rospy.resolve_name(base_topic)
+        self._latch = latch
+        disabled = _disabled_transports(self._base_topic)
+        self._outlets = [
+            _Outlet(transport(), self._base_topic, queue_size, latch, subscriber_connected, subscriber_disconnected)
+            for name, transport in TRANSPORTS.items() if name not in disabled]
+
+    @property
+    def errors(self) -> int:
+        """How many images could not be encoded."""
+        return sum(outlet.errors for outlet in self._outlets)
+
+    def publish(self, message: sensor_msgs.msg.Image) -> None:
+        """Send an image to whoever listens."""
+        for outlet in self._outlets:
+            outlet.publish(message)
+
+    def publish_array(self, array: np.ndarray, encoding: str, header: Header | None = None) -> None:
+        """Send an array as an image, without a copy that isn't needed; it may be changed afterwards.
+
+        Raises
+        ------
+        ImageError
+            When array and encoding do not belong together.
+        """
+        if self._latch:
+            array = array.copy()
+        if self._latch or self.get_num_subscribers() > 0:
+            self.publish(to_image_message(array, encoding, header))
+
+    def get_num_subscribers(self) -> int:
+        """How many subscribers there are, in all transports together."""
+        return sum(outlet.get_num_subscribers() for outlet in self._outlets)
+
+    def get_topic(self) -> str:
+        """The resolved base topic."""
+        return self._base_topic
+
+    def shutdown(self) -> None:
+        """Withdraw the topic in all its transports."""
+        outlets, self._outlets = self._outlets, []
+        for outlet in outlets:
+            outlet.shutdown()
+
+
+class Subscriber:
+    """A subscription to an image topic; made by `ImageTransport.subscribe`."""
+
+    def __init__(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int, hints: TransportHints,
+                 decode: bool) -> None:
+        name = hints.get_transport()
+        if name not in TRANSPORTS:
+            raise ValueError(f'unknown image transport {name!r}; there are {", ".join(sorted(TRANSPORTS))}')
+        self.errors = 0   # messages that could not be decoded
+        self._base_topic = rospy.resolve_name(base_topic)
+        self._transport = TRANSPORTS[name]()
+        self._callback: Callable[[Any], Any] | None = callback
+        self._decode = decode
+        _warn_of_transport_in(self._base_topic)
+        self._subscriber = rospy.Subscriber(
+            self._transport.topic(self._base_topic), self._transport.message_class, self._receive,
+            queue_size=queue_size or None, buff_size=_BUFFER_SIZE, tcp_nodelay=hints.tcp_nodelay)
+
+    def get_num_publishers(self) -> int:
+        """How many publishers the subscriber is connected to."""
+        return _num_connections(self._subscriber)
+
+    def get_topic(self) -> str:
+        """The resolved base topic; that of the transport may be another one."""
+        return self._base_topic
+
+    def get_transport(self) -> str:
+        """Name of the transport in use."""
+        return self._transport.name
+
+    def shutdown(self) -> None:
+        """Unsubscribe; no callback begins after that."""
+        self._callback = None
+        self._subscriber.unregister()
+
+    def _receive(self, message: Any) -> None:
+        callback = self._callback
+        if callback is None:
+            return
+        try:
+            image = self._transport.decode(message) if self._decode else message
+        except ImageError as error:
+            self.errors += 1
+            rospy.logwarn_throttle(_WARNING_PERIOD, f'{self._transport.topic(self._base_topic)}: image skipped, '
+                                                    f'{self.errors} so far: {error}')
+            return
+        callback(image)
+
+
+class Transport(ABC):
+    """A way for images to travel. To add one, derive a class and enter it in TRANSPORTS under its name.
+
+    There is one instance for each publisher and each subscriber; those of publishers may have parameters.
+    """
+
+    name: ClassVar[str]
+    message_class: ClassVar[type]
+
+    def topic(self, base_topic: str) -> str:
+        """Name of the transport's topic; `base_topic` is resolved."""
+        return f'{base_topic}/{self.name}'
+
+    def start_publishing(self, topic: str) -> None:   # noqa: B027  (many transports need none)
+        """Called once before the first `encode`; parameters belong under `topic`."""
+
+    def stop_publishing(self) -> None:   # noqa: B027
+        """Called once after the last `encode`."""
+
+    @abstractmethod
+    def encode(self, image: sensor_msgs.msg.Image) -> Any:
+        """The message to send for an image; ImageError where there is none."""
+
+    @abstractmethod
+    def decode(self, message: Any) -> sensor_msgs.msg.Image:
+        """The image that a message holds; ImageError where there is none."""
+
+
+class RawTransport(Transport):
+    """The image as it is."""
+
+    name = 'raw'
+    message_class = Image
+
+    def topic(self, base_topic: str) -> str:
+        return base_topic
+
+    def encode(self, image: sensor_msgs.msg.Image) -> sensor_msgs.msg.Image:
+        return image
+
+    def decode(self, message: sensor_msgs.msg.Image) -> sensor_msgs.msg.Image:
+        return message
+
+
+class CompressedTransport(Transport):
+    """JPEG or PNG, with the parameters of cfg/CompressedPublisher.cfg under the topic."""
+
+    name = 'compressed'
+    message_class = sensor_msgs.msg.CompressedImage
+
+    def start_publishing(self, topic: str) -> None:
+        self._parameters = dict(CompressedPublisherConfig.defaults)
+        self._server = Server(CompressedPublisherConfig, self.update_config, topic)
+
+    def stop_publishing(self) -> None:
+        self._server.set_service.shutdown('image topic withdrawn')
+        self._server.descr_topic.unregister()
+        self._server.update_topic.unregister()
+
+    def update_config(self, config: Any, level: int) -> Any:
+        """Callback of dynamic_reconfigure."""
+        self._parameters = {name: config[name] for name in CompressedPublisherConfig.defaults}
+        return config
+
+    def encode(self, image: sensor_msgs.msg.Image) -> sensor_msgs.msg.CompressedImage:
+        return to_compressed_message(*unpack(image), image.header, **self._parameters)
+
+    def decode(self, message: sensor_msgs.msg.CompressedImage) -> sensor_msgs.msg.Image:
+        return to_image_message(*unpack(message), message.header)
+
+
+TRANSPORTS: dict[str, type[Transport]] = {'raw': RawTransport, 'compressed': CompressedTransport}
+
+
+class _Outlet(rospy.SubscribeListener):
+    """One transport of a publisher."""
+
+    def __init__(self, transport: Transport, base_topic: str, queue_size: int, latch: bool,
+                 subscriber_connected: Callable[[], Any] | None,
+                 subscriber_disconnected: Callable[[], Any] | None) -> None:
+        super().__init__()
+        self.errors = 0
+        self._transport = transport
+        self._latch = latch
+        self._last: sensor_msgs.msg.Image | None = None   # latched
+        self._encoded: tuple[Any, Any] = (None, None)     # an image and what it was encoded to
+        self._connected, self._disconnected = subscriber_connected, subscriber_disconnected
+        self._sending = threading.Lock()   # rospy has none for sending to a single subscriber
+        self._topic = transport.topic(base_topic)
+        transport.start_publishing(self._topic)
+        # Latching is ours and only announced by the header: rospy's would want each image encoded in advance.
+        self._publisher = rospy.Publisher(
+            self._topic, transport.message_class, subscriber_listener=self, tcp_nodelay=True, queue_size=queue_size,
+            headers={'latching': '1'} if latch else None)
+
+    def publish(self, image: sensor_msgs.msg.Image) -> None:
+        if self._latch:
+            self._last = image   # before looking for subscribers: one that comes in between finds it
+        if self.get_num_subscribers() > 0:
+            self._send(image, self._publisher.publish)
+
+    def get_num_subscribers(self) -> int:
+        return _num_connections(self._publisher)
+
+    def shutdown(self) -> None:
+        self._publisher.unregister()
+        self._transport.stop_publishing()
+
+    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
+        """Called by rospy, in the thread that accepts connections."""
+        last = self._last
+        if last is not None:
+            self._send(last, peer_publish)
+        if self._connected is not None:
+            self._connected()
+
+    def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
+        """Called by rospy with its locks held."""
+        if self._disconnected is not None:
+            self._disconnected()
+
+    def _send(self, image: sensor_msgs.msg.Image, publish: Callable[[Any], Any]) -> None:
+        encoded_from, message = self._encoded
+        if encoded_from is not image:
+            try:
+                message = self._transport.encode(image)
+            except ImageError as error:
+                self.errors += 1
+                rospy.logwarn_throttle(_WARNING_PERIOD,
+                                       f'{self._topic}: image not sent, {self.errors} so far: {error}')
+                return
+            if self._latch:
+                self._encoded = image, message
+        with self._sending:
+            publish(message)
+
+
+def _num_connections(topic: rospy.topics.Topic) -> int:
+    """As topic.get_num_connections, without its lock, which rospy also holds while it announces that one has left."""
+    return len(topic.impl.connections) if topic.impl is not None else 0
+
+
+def _disabled_transports(base_topic: str) -> set[str]:
+    """Transports that <base_topic>/disable_pub_plugins turns off; it lists names like image_transport/compressed."""
+    parameter = f'{base_topic}/disable_pub_plugins'
+    plugins = rospy.get_param(parameter, [])
+    if not isinstance(plugins, list):
+        rospy.logwarn(f'{parameter} must be a list such as [image_transport/compressed]; got {plugins!r}')
+        return set()
+    return {str(plugin).replace('image_transport/', '', 1) for plugin in plugins}
+
+
+def _warn_of_transport_in(base_topic: str) -> None:
+    parent, _, last = base_topic.rpartition('/')
+    if last in TRANSPORTS:
+        rospy.logwarn(f'{base_topic} looks like the topic of one transport. Subscribe to the image topic {parent} '
+                      f'instead, with parameter ~image_transport set to {last} (_image_transport:={last})')
