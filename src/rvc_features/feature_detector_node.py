@@ -40,12 +40,12 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 from sensor_msgs.msg import Image
 
-from rvc_features import detector_config
+from rvc_features import detector_config, key_points
 from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
 from rvc_features.image_messages import ImageError, to_array, to_image_message
-from rvc_features.image_transport import ImageTransport
+from rvc_features.image_transport import ImageTransport, Subscriber
 from rvc_features.msg import KeyPoints
 from rvc_features.newest_worker import NewestWorker
 from rvc_features.node_statistics import NodeStatistics
@@ -67,8 +67,9 @@ class FeatureDetectorNode:
         self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameter)
 
         self.worker = NewestWorker(self.process, 'feature_detector')
-        self.subscriber = None
+        self.subscriber: Subscriber | None = None
         self.image_transport = ImageTransport()
+        self._stopping = False
         self._listeners_changed = threading.Event()
         self.image_publisher = self.image_transport.advertise(
             'image', queue_size=1, subscriber_connected=self._listeners_changed.set,
@@ -127,7 +128,10 @@ class FeatureDetectorNode:
         else:
             status.summary(DiagnosticStatus.OK, f'{interval.frames / interval.seconds:.1f} images per second')
         milliseconds = f'{1000 * interval.busy_seconds / interval.frames:.1f}' if interval.frames else 'none'
-        for name, value in (('detector', self.detector.name), ('frames received', self.worker.received),
+        publishers = self.subscriber.get_num_publishers() if self.subscriber is not None else 0
+        for name, value in (('detector', self.detector.name),
+                            ('publishers connected', publishers),
+                            ('frames received', self.worker.received),
                             ('frames processed', self.statistics.processed),
                             ('frames dropped for newer ones', self.worker.dropped),
                             ('frames rejected', self.statistics.frames_rejected),
@@ -139,7 +143,8 @@ class FeatureDetectorNode:
         return status
 
     def shutdown(self) -> None:
-        """End the threads; called by rospy."""
+        """End the threads; called by rospy, whose own flag is not set yet."""
+        self._stopping = True
         self._listeners_changed.set()
         self._housekeeper.join()
         self.worker.stop()
@@ -155,7 +160,7 @@ class FeatureDetectorNode:
             height, width = grey.shape
             self.key_points_publisher.publish(KeyPoints(
                 header=message.header, detector=detector.name, width=width, height=height,
-                **{name: found[name] for name in found.dtype.names}))
+                **{name: found[name] for name in key_points.NAMES}))
         if draw:
             self.image_publisher.publish_array(draw_key_points(image, found), 'bgr8', message.header)
         if self.response_publisher.get_num_connections() > 0:
@@ -173,7 +178,7 @@ class FeatureDetectorNode:
         A thread of its own, because rospy announces listeners with locks held that subscribing needs too.
         """
         next_report = time.monotonic()
-        while not rospy.is_shutdown():
+        while not self._stopping:
             self._update_subscription()
             if time.monotonic() >= next_report:
                 self.diagnostics.force_update()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from pathlib import Path
 from typing import Iterator, NamedTuple, Sequence
 
@@ -55,6 +56,8 @@ class Video:
     Parameters
     ----------
     path : str or Path
+    most : int, optional
+        Stop after that many frames.
 
     Attributes
     ----------
@@ -67,8 +70,9 @@ class Video:
         When the file is missing or OpenCV can't read it.
     """
 
-    def __init__(self, path: str | Path) -> None:
+    def __init__(self, path: str | Path, most: int | None = None) -> None:
         self.path = Path(path)
+        self._most = sys.maxsize if most is None else most
         capture = self._open()
         self.rate = max(capture.get(cv2.CAP_PROP_FPS), 0.0)
         self._count = int(max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 0))
@@ -76,13 +80,13 @@ class Video:
 
     def __len__(self) -> int:
         """Number of frames as the file says; some files are wrong about it."""
-        return self._count
+        return min(self._count, self._most)
 
     def __iter__(self) -> Iterator[Frame]:
         capture = self._open()
         number = 0
         try:
-            while True:
+            while number < self._most:
                 read, image = capture.read()
                 if not read:
                     break
@@ -90,7 +94,7 @@ class Video:
                 number += 1
         finally:
             capture.release()
-        if number == 0:
+        if number == 0 < self._most:
             raise SourceError(f'{self.path}: no frame can be read from this video')
 
     def _open(self) -> cv2.VideoCapture:
@@ -120,7 +124,7 @@ def read_image(path: str | Path) -> np.ndarray:
         raise SourceError(f'{path}: not an image that OpenCV can read, or cut short '
                           f'(accepted: {", ".join(IMAGE_SUFFIXES)})')
     if image.dtype != np.uint8:
-        image = cv2.normalize(image, None, 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)
+        image = cv2.normalize(image, np.empty(image.shape, np.uint8), 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)
     if image.ndim == 3 and image.shape[2] == 4:
         image = cv2.cvtColor(image, cv2.COLOR_BGRA2BGR)
     return image

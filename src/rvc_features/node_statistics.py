@@ -37,7 +37,7 @@ class NodeStatistics:
         self.last_problem = ''
         self._busy_seconds = 0.0
         self._lock = threading.Lock()
-        self._last_report = (time.monotonic(), 0, 0, 0.0)
+        self._last_report = Interval(time.monotonic(), 0, 0, 0.0)
 
     def frame_processed(self, points: int, seconds: float) -> None:
         with self._lock:
@@ -57,7 +57,7 @@ class NodeStatistics:
     def interval(self) -> Interval:
         """What happened since the last call."""
         with self._lock:
-            now = (time.monotonic(), self.processed, self.frames_rejected, self._busy_seconds)
-            interval = Interval(*(new - old for new, old in zip(now, self._last_report)))
-            self._last_report = now
-            return interval
+            now = Interval(time.monotonic(), self.processed, self.frames_rejected, self._busy_seconds)
+            then, self._last_report = self._last_report, now
+        return Interval(now.seconds - then.seconds, now.frames - then.frames,
+                        now.frames_rejected - then.frames_rejected, now.busy_seconds - then.busy_seconds)

@@ -52,10 +52,14 @@ class Integer(Specification):
         return int(value)
 
     def nearest(self, value: Any, previous: Any) -> int:
-        number = round(_finite(value))
-        if self.odd and number % 2 == 0:
+        given = _finite(value)
+        if not self.odd:
+            number = round(given)
+        elif given % 2 == 0:
             # In the direction of the change: a slider that goes 13, 12 must arrive at 11, not stick at 13.
-            number += -1 if number < previous else 1
+            number = int(given) + (-1 if given < previous else 1)
+        else:
+            number = 2 * round((given - 1) / 2) + 1
         number = max(number, self.low)
         return number if self.high is None else min(number, self.high)
 
