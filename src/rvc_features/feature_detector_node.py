@@ -45,7 +45,7 @@ from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfi
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
 from rvc_features.image_messages import ImageError, to_array, to_image_message
-from rvc_features.image_transport import ImageTransport, Subscriber
+from rvc_features.image_transport import ImageTransport, Subscriber, TransportHints
 from rvc_features.msg import KeyPoints
 from rvc_features.newest_worker import NewestWorker
 from rvc_features.node_statistics import NodeStatistics
@@ -62,13 +62,14 @@ class FeatureDetectorNode:
         self.statistics = NodeStatistics()
         self._import_detectors(rospy.get_param('~detector_modules', []))
         config_type = with_detectors(FeatureDetectorConfig)
-        self._settled = dict(config_type.defaults)
-        self.detector = detector_config.create(self._settled)
-        self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameter)
+        self.detector = detector_config.create(config_type.defaults)
+        self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameter,
+                                        settle=detector_config.settle)
 
         self.worker = NewestWorker(self.process, 'feature_detector')
         self.subscriber: Subscriber | None = None
         self.image_transport = ImageTransport()
+        self._hints = self._known_transport()
         self._stopping = False
         self._listeners_changed = threading.Event()
         self.image_publisher = self.image_transport.advertise(
@@ -86,10 +87,8 @@ class FeatureDetectorNode:
         rospy.on_shutdown(self.shutdown)
 
     def update_config(self, config: Any, level: int) -> Any:
-        """Callback of dynamic_reconfigure: a new detector takes the place of the old one."""
-        for problem in detector_config.settle(config, self._settled):
-            self.reject_parameter(problem)
-        self.detector, self._settled = detector_config.create(config), dict(config)
+        """Callback of dynamic_reconfigure, with sane values: a new detector takes the place of the old one."""
+        self.detector = detector_config.create(config)
         rospy.loginfo('detector: %s', self.detector)
         return config
 
@@ -190,11 +189,19 @@ class FeatureDetectorNode:
         wanted = (self.image_publisher.get_num_subscribers() + self.key_points_publisher.get_num_connections()
                   + self.response_publisher.get_num_connections()) > 0
         if wanted and self.subscriber is None:
-            self.subscriber = self.image_transport.subscribe('in', self.image_message_callback, queue_size=1,
-                                                             decode=False)
+            self.subscriber = self.image_transport.subscribe(
+                'in', self.image_message_callback, queue_size=1, transport_hints=self._hints, decode=False)
         elif not wanted and self.subscriber is not None:
             self.subscriber.shutdown()
             self.subscriber = None
+
+    def _known_transport(self) -> TransportHints:
+        """What ~image_transport says, or raw where there is no such transport."""
+        asked, known = TransportHints().get_transport(), self.image_transport.get_declared_transports()
+        if asked not in known:
+            self.reject_parameter(f"~image_transport must be one of {', '.join(known)}; got {asked!r}, 'raw' is used")
+            asked = 'raw'
+        return TransportHints(asked, parameter_name='image_transport_in_use')
 
     def _import_detectors(self, modules: Any) -> None:
         for module in [modules] if isinstance(modules, str) else modules:

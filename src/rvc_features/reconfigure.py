@@ -34,11 +34,15 @@ class ReconfigureServer(Server):
         As in dynamic_reconfigure; default: the node's private one.
     reject : callable
         Takes a sentence for each value that is refused; default: a warning in the log.
+    settle : callable, optional
+        Takes (config, previous), makes the values in `config` sane by knowledge beyond types and ranges, and returns
+        a sentence for each that it refused; see `detector_config.settle`.
     """
 
     def __init__(self, config_type: Any, callback: Callable[[Any, int], Any], namespace: str = '',
-                 reject: Callable[[str], None] = rospy.logwarn) -> None:
-        self._reject = reject
+                 reject: Callable[[str], None] = rospy.logwarn,
+                 settle: Callable[[Any, Any], list[str]] = lambda config, previous: []) -> None:
+        self._reject, self._settle = reject, settle
         self._specifications = {entry['name']: _specification(config_type, entry)
                                 for entry in extract_params(config_type.config_description)}
         self._callback = callback
@@ -55,14 +59,16 @@ class ReconfigureServer(Server):
 
     def _clamp(self, config: Any) -> None:
         """Called by the original on all values before each callback: here is where they become sane."""
+        # At start `config` is self.config itself, with the presets in it, and the defaults are the last good ones.
+        previous = self.type.defaults if config is self.config else self.config
+        for problem in self._settle(config, previous):
+            self._reject(problem)
         for name, specification in self._specifications.items():
-            # At start `config` is self.config itself, with the presets in it, and the defaults are the last good ones.
-            previous = self.type.defaults[name] if config is self.config else self.config[name]
             try:
-                config[name] = specification.nearest(config[name], previous)
+                config[name] = specification.nearest(config[name], previous[name])
             except ValueError as error:
-                self._reject(f'{name} must be {error}; got {config[name]!r}, {previous!r} stays')
-                config[name] = previous
+                self._reject(f'{name} must be {error}; got {config[name]!r}, {previous[name]!r} stays')
+                config[name] = previous[name]
 
     def _guarded_callback(self, config: Any, level: int) -> Any:
         try:
