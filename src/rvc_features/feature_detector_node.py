@@ -178,10 +178,13 @@ class FeatureDetectorNode:
         """
         next_report = time.monotonic()
         while not self._stopping:
-            self._update_subscription()
-            if time.monotonic() >= next_report:
-                self.diagnostics.force_update()
-                next_report += _REPORT_PERIOD
+            try:
+                self._update_subscription()
+                if time.monotonic() >= next_report:
+                    next_report = time.monotonic() + _REPORT_PERIOD
+                    self.diagnostics.force_update()
+            except Exception:   # whatever the network does: the node goes on, and tries again
+                rospy.logerr_throttle(_WARNING_PERIOD, traceback.format_exc())
             if self._listeners_changed.wait(max(0.0, next_report - time.monotonic())):
                 self._listeners_changed.clear()
 

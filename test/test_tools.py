@@ -1,0 +1,145 @@
+#!/usr/bin/env python3
+"""The tools as a user runs them: make_bag, rosbag play into the node, the demo, and the node's end."""
+
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import cv2
+import numpy as np
+import rosbag
+import rospy
+import rostest
+import yaml
+from ros_helpers import SECONDS, Inbox, texture
+from rvc_features.msg import KeyPoints
+from sensor_msgs.msg import Image
+
+from rvc_features import detectors
+from rvc_features.bags import BagImages
+from rvc_features.image_messages import to_array
+from rvc_features.image_sources import SourceError
+
+CALIBRATION = {
+    'image_width': 320, 'image_height': 240, 'distortion_model': 'plumb_bob',
+    'distortion_coefficients': {'rows': 1, 'cols': 5, 'data': [0.1, -0.2, 0, 0, 0]},
+    'camera_matrix': {'rows': 3, 'cols': 3, 'data': [300, 0, 160, 0, 300, 120, 0, 0, 1]},
+    'rectification_matrix': {'rows': 3, 'cols': 3, 'data': [1, 0, 0, 0, 1, 0, 0, 0, 1]},
+    'projection_matrix': {'rows': 3, 'cols': 4, 'data': [300, 0, 160, 0, 0, 300, 120, 0, 0, 0, 1, 0]},
+}
+
+
+def run(*command, **options):
+    return subprocess.run(['rosrun', 'rvc_features', *command], capture_output=True, text=True, timeout=90,
+                          check=False, **options)
+
+
+class TestTools(unittest.TestCase):
+    def setUp(self):
+        temporary = tempfile.TemporaryDirectory()
+        self.addCleanup(temporary.cleanup)
+        self.folder = Path(temporary.name)
+        self.images = [texture(seed=number) for number in range(6)]
+        (self.folder / 'frames').mkdir()
+        for number, image in enumerate(self.images):
+            cv2.imwrite(str(self.folder / 'frames' / f'img{number}.png'), image)
+        self.bag = str(self.folder / 'made.bag')
+
+    def make_bag(self, *options):
+        result = run('make_bag', self.bag, str(self.folder / 'frames'), *options)
+        self.assertEqual(result.returncode, 0, result.stderr)
+        return result.stdout
+
+    def test_make_bag(self):
+        (self.folder / 'camera.yaml').write_text(yaml.safe_dump(CALIBRATION))
+        text = self.make_bag('--rate', '4', '--topic', '/left/image_raw', '--frame-id', 'left', '--start', '1000',
+                             '--camera-info', str(self.folder / 'camera.yaml'))
+        self.assertIn('6 frames on /left/image_raw, 4 per second', text)
+        with rosbag.Bag(self.bag) as bag:
+            images = [message for _, message, _ in bag.read_messages(['/left/image_raw'])]
+            infos = [message for _, message, _ in bag.read_messages(['/left/camera_info'])]
+        self.assertEqual([message.header.stamp.to_sec() for message in images],
+                         [1000 + number / 4 for number in range(6)])
+        for message, info, image in zip(images, infos, self.images):
+            self.assertEqual((message.header.frame_id, message.encoding), ('left', 'mono8'))
+            np.testing.assert_array_equal(to_array(message, 'mono8'), image)
+            self.assertEqual(str(info.header), str(message.header))
+            self.assertEqual((info.K[0], info.P[5], info.D[1], info.width), (300, 300, -0.2, 320))
+        self.assertEqual([frame.image.shape for frame in BagImages(self.bag, '/left/image_raw')], [(240, 320, 3)] * 6)
+
+    def test_make_bag_refuses_with_one_sentence(self):
+        for arguments, text in (
+                ([self.bag, 'missing.png'], 'make_bag: missing.png: no such file or folder'),
+                ([self.bag, str(self.folder)], 'no images in this folder'),
+                ([self.bag, str(self.folder / 'frames'), '--camera-info', __file__], 'not a camera calibration'),
+                ([str(self.folder / 'none' / 'x.bag'), str(self.folder / 'frames')], 'No such file or directory'),
+                ([self.bag, str(self.folder / 'frames'), '--rate', '0'], "argument --rate: invalid"),
+                ([self.bag, str(self.folder / 'frames'), '--topic', 'a b'], "'a b' is not a topic name")):
+            result = run('make_bag', *arguments)
+            self.assertEqual(result.returncode, 2)
+            self.assertIn(text, result.stderr)
+            self.assertNotIn('Traceback', result.stderr)
+            self.assertFalse(Path(self.bag).exists())
+
+    def test_bags_that_can_not_be_read_are_named(self):
+        self.make_bag()
+        for topic, text in (('/other', f'{self.bag}: no images on topic /other; its image topics: /camera/image_raw'),):
+            with self.assertRaisesRegex(SourceError, text):
+                BagImages(self.bag, topic)
+        self.assertEqual(BagImages(self.bag).topic, '/camera/image_raw')
+        cut = self.folder / 'cut.bag'
+        cut.write_bytes(Path(self.bag).read_bytes()[:3000])
+        for path, text in ((cut, 'cut.bag: '), (self.folder / 'no.bag', 'no.bag: not a bag'), (__file__, 'not a bag')):
+            with self.assertRaisesRegex(SourceError, text):
+                BagImages(path)
+
+    def test_rosbag_play_into_the_node(self):
+        self.make_bag('--rate', '4', '--topic', '/in')
+        inbox = Inbox('key_points', KeyPoints)
+        played = subprocess.run(['rosbag', 'play', '--quiet', '--wait-for-subscribers', self.bag],
+                                stdout=subprocess.DEVNULL, timeout=60, check=False)
+        self.assertEqual(played.returncode, 0)
+        with rosbag.Bag(self.bag) as bag:
+            stamps = [message.header.stamp for _, message, _ in bag.read_messages()]
+        for stamp, image in zip(stamps, self.images):
+            message = inbox.wait_for(lambda message, stamp=stamp: message.header.stamp == stamp, f'frame of {stamp}')
+            expected = detectors.create('harris').detect_arrays(image)
+            self.assertEqual(list(message.x), expected['x'].tolist())
+
+    def test_the_demo_on_a_bag_of_ones_own(self):
+        self.make_bag('--rate', '5', '--topic', '/mine')
+        output = self.folder / 'output'
+        result = run('demo', '--bag', self.bag, '--output', str(output))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertIn('strongest 150', result.stdout)
+        self.assertEqual(cv2.imread(str(output / 'contact_sheet.png')).shape[1], 3 * 488)
+        with rosbag.Bag(str(output / 'output.bag')) as bag:
+            self.assertGreater(bag.get_message_count('/feature_detector/image'), 0)
+        self.assertIn('made', (output / 'summary.txt').read_text())
+        refused = run('demo', '--bag', self.bag, '--topic', '/nothing', '--output', str(output))
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn('its image topics: /mine', refused.stderr)
+
+    def test_the_node_ends_at_once_when_told_to(self):
+        environment = {**os.environ, 'PYTHONUNBUFFERED': '1'}
+        for number in (signal.SIGINT, signal.SIGTERM):
+            node = subprocess.Popen(['rosrun', 'rvc_features', 'feature_detector', '__name:=ending', 'in:=/ending',
+                                     'image:=/ending/image'], env=environment, stdout=subprocess.PIPE)
+            try:
+                pictures = Inbox('/ending/image', Image)
+                rospy.wait_for_service('/ending/set_parameters', SECONDS)
+                node.send_signal(number)
+                self.assertEqual(node.wait(5), 0)
+            finally:
+                node.kill()
+                node.communicate()
+                pictures.close()
+
+
+if __name__ == '__main__':
+    rospy.init_node('test_tools')
+    rostest.rosrun('rvc_features', 'tools', TestTools, sys.argv)
