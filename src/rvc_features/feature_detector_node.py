@@ -1,4 +1,4 @@
-"""The node: images in, the same images with key points out (exercise 1, step 1; exercise 2, step 1).
+"""The node: images in, the same images with key points out (exercise 1).
 
     rosrun rvc_features feature_detector in:=/camera/image_raw
 

@@ -1,4 +1,4 @@
-"""The Harris response: how much each pixel of an image looks like a corner (exercise 1, steps 2 to 4).
+"""The Harris response: how much each pixel of an image looks like a corner (exercise 1).
 
 `harris_response` is what the package calls. `reference_response` is the definition in OpenCV and NumPy, in double
 precision: the thing to read beside the exercise sheet, and what every faster way is tested against.
