@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from rvc_features import kernels
 from rvc_features.parameters import Integer, Real, check
 
 
@@ -19,7 +20,7 @@ def above_threshold(responses: np.ndarray, threshold: float, maximum: float) -> 
 
 def strongest(responses: np.ndarray, count: int) -> np.ndarray:
     """Indices of the `count` strongest, strongest first; of equals the lower index."""
-    return _strongest_first(np.asarray(responses, np.float64))[:count]
+    return _largest_first(np.asarray(responses, np.float64), count)
 
 
 def adaptive_non_maximal_suppression(points: np.ndarray, responses: np.ndarray, count: int,
@@ -64,14 +65,25 @@ def adaptive_non_maximal_suppression(points: np.ndarray, responses: np.ndarray, 
     check('robustness', robustness, Real('', 0, 1, above_low=True))
 
     order = _strongest_first(responses)
-    radii = suppression_radii(points[order], responses[order], robustness)
-    # A stable sort, so that equal radii stay in the order of response and index.
-    return order[np.argsort(-radii, kind='stable')[:count]]
+    radii = suppression_radii(points.take(order, axis=0), responses.take(order), robustness, count)
+    # Of equal radii the first in the order of response and index.
+    return order[_largest_first(radii, count)]
 
 
-def suppression_radii(points: np.ndarray, responses: np.ndarray, robustness: float) -> np.ndarray:
-    """Suppression radius of each point; the points come strongest first (see above for the definition)."""
+def suppression_radii(points: np.ndarray, responses: np.ndarray, robustness: float,
+                      count: int | None = None) -> np.ndarray:
+    """Suppression radius of each point; the points come strongest first (see above for the definition).
+
+    Where only the `count` largest radii matter, the others may come out larger than they are, yet stay below those.
+    """
     stronger = significantly_stronger(responses, robustness)
+    if kernels.available():
+        return kernels.suppression_radii(points, stronger, len(points) if count is None else min(count, len(points)))
+    return reference_radii(points, stronger)
+
+
+def reference_radii(points: np.ndarray, stronger: np.ndarray) -> np.ndarray:
+    """Distance of each point i to the nearest of the first stronger[i] points, by looking at all of them."""
     radii = np.full(len(points), np.inf)
     for i in np.flatnonzero(stronger):
         offsets = points[:stronger[i]] - points[i]
@@ -81,13 +93,33 @@ def suppression_radii(points: np.ndarray, responses: np.ndarray, robustness: flo
 
 def significantly_stronger(responses: np.ndarray, robustness: float) -> np.ndarray:
     """For responses that fall from the first to the last: how many of the first ones are significantly stronger."""
+    if kernels.available():
+        return kernels.significantly_stronger(responses, robustness)
+    return reference_stronger(responses, robustness)
+
+
+def reference_stronger(responses: np.ndarray, robustness: float) -> np.ndarray:
+    """`significantly_stronger` by binary search."""
     rising = responses[::-1]
     exceeding = len(responses) - np.searchsorted(robustness * rising, responses, side='right')
     # Never a weaker one, which the product alone would allow among negative responses.
     return np.minimum(exceeding, len(responses) - np.searchsorted(rising, responses, side='right'))
 
 
+def _largest_first(values: np.ndarray, count: int) -> np.ndarray:
+    """Indices of the `count` largest values, largest first; of equals the lower index."""
+    if count == 0:
+        return np.zeros(0, np.intp)
+    if count < len(values):
+        # Sort only what can be among them: a partition costs less than a sort of everything.
+        candidates = np.flatnonzero(values >= np.partition(values, -count)[-count])
+        return candidates[_strongest_first(values[candidates])][:count]
+    return _strongest_first(values)
+
+
 def _strongest_first(responses: np.ndarray) -> np.ndarray:
+    if kernels.available():
+        return kernels.strongest_first(responses)
     return np.argsort(-responses, kind='stable')
 
 

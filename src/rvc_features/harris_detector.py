@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import threading
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import cv2
 import numpy as np
@@ -77,7 +78,10 @@ class HarrisDetector(FeatureDetector):
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Candidates of every octave, then one filter over all of them together."""
-        candidates, octave_images = [], []
+        # Then the largest H is that of a candidate, and what its share of the octave's largest rules out is not sought.
+        threshold = 0.0 if self.anms or self.fixed_number_of_points or mask is not None or self.border > 0 \
+            else self.threshold
+        candidates: list[_Candidates] = []
         for octave in range(self.octaves):
             if octave > 0:
                 if min(image.shape) < 2 * _SMALLEST_OCTAVE:
@@ -85,12 +89,16 @@ class HarrisDetector(FeatureDetector):
                 # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
                 image = cv2.pyrDown(image)
                 mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
-            candidates.append(self.harris_corners(image, octave, mask))
-            octave_images.append(image)
-        found = np.concatenate(candidates)
-        found = found[self._filter(found)]
-        self._orient(found, octave_images)
-        return found
+            candidates.append(self._candidates(image, octave, mask, threshold))
+
+        chosen = self._filter(candidates)
+        found, start = [], 0
+        for of_octave in candidates:
+            end = start + len(of_octave.x)
+            here = chosen[(chosen >= start) & (chosen < end)] - start
+            found.append(self._oriented_key_points(of_octave.only(here)))
+            start = end
+        return np.concatenate(found)
 
     def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None) -> np.ndarray:
         """Candidates of one octave: local maxima of the response above `minimum_response`, without angle.
@@ -107,46 +115,87 @@ class HarrisDetector(FeatureDetector):
         ndarray of key_points.DTYPE, shape (N,)
             Positions and sizes in pixels of the full image, in reading order.
         """
-        h = response.harris_response(image, self.window_size, self.window, self.harris_k, self.derivative_sigma)
-        find = maxima.local_maxima if self.local_maxima else maxima.pixels_above
-        x, y = find(h, self.minimum_response)
-        allowed = _inside(x, y, h.shape, self.border)
-        if mask is not None:
-            allowed &= mask[y, x] != 0
-        x, y = x[allowed], y[allowed]
-
-        scale = 2 ** octave
-        found = key_points.empty(len(x))
-        found['response'] = h[y, x]
-        refined = maxima.refine(h, x, y) if self.local_maxima and self.subpixel else (x, y)
-        found['x'], found['y'] = refined[0] * scale, refined[1] * scale
-        found['size'] = self.window_size * scale
-        found['octave'] = octave
-        return found
+        return self._key_points(self._candidates(image, octave, mask))
 
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """H of the full image."""
         return response.harris_response(as_grey(image), self.window_size, self.window, self.harris_k,
                                         self.derivative_sigma)
 
-    def _filter(self, found: np.ndarray) -> np.ndarray:
-        if self.anms:
-            points = np.column_stack((found['x'], found['y']))
-            return filters.adaptive_non_maximal_suppression(points, found['response'], self.anms_points,
-                                                            self.anms_robustness)
-        if self.fixed_number_of_points:
-            return filters.strongest(found['response'], self.number_of_points)
-        return filters.above_threshold(found['response'], self.threshold,
-                                       float(found['response'].max(initial=0)))
+    def _candidates(self, image: np.ndarray, octave: int, mask: np.ndarray | None,
+                    threshold: float = 0.0) -> _Candidates:
+        h, largest = response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
+                                                   self.derivative_sigma, _scratch.response_map(octave, image.shape))
+        find = maxima.local_maxima if self.local_maxima else maxima.pixels_above
+        # A little below the threshold, for the map is in single precision; the filter decides.
+        x, y = find(h, max(self.minimum_response, (1 - 1e-6) * threshold * largest))
+        if self.border > 0:
+            inside = _inside(x, y, h.shape, self.border)
+            x, y = x[inside], y[inside]
+        if mask is not None:
+            allowed = mask[y, x] != 0
+            x, y = x[allowed], y[allowed]
+        return _Candidates(image, octave, h, x, y, h[y, x])
 
-    def _orient(self, found: np.ndarray, octave_images: list[np.ndarray]) -> None:
-        for octave, image in enumerate(octave_images):
-            here = np.flatnonzero(found['octave'] == octave)
-            x, y = found['x'][here] / 2 ** octave, found['y'][here] / 2 ** octave
-            found['angle'][here] = gradient_orientation(image, x, y, self.orientation_sigma)
+    def _filter(self, candidates: list[_Candidates]) -> np.ndarray:
+        strength = np.concatenate([of_octave.strength for of_octave in candidates])
+        if self.anms:
+            found = np.concatenate([self._key_points(of_octave) for of_octave in candidates])
+            points = np.column_stack((found['x'], found['y']))
+            return filters.adaptive_non_maximal_suppression(points, strength, self.anms_points, self.anms_robustness)
+        if self.fixed_number_of_points:
+            return filters.strongest(strength, self.number_of_points)
+        return filters.above_threshold(strength, self.threshold, float(strength.max(initial=0)))
+
+    def _key_points(self, candidates: _Candidates) -> np.ndarray:
+        x, y = candidates.x, candidates.y
+        if self.local_maxima and self.subpixel:
+            x, y = maxima.refine(candidates.response, x, y)
+        scale = 2 ** candidates.octave
+        found = key_points.empty(len(x))
+        found['x'], found['y'] = x * scale, y * scale
+        found['size'] = self.window_size * scale
+        found['response'] = candidates.strength
+        found['octave'] = candidates.octave
+        return found
+
+    def _oriented_key_points(self, candidates: _Candidates) -> np.ndarray:
+        found = self._key_points(candidates)
+        x, y = found['x'] / 2 ** candidates.octave, found['y'] / 2 ** candidates.octave
+        found['angle'] = gradient_orientation(candidates.image, x, y, self.orientation_sigma)
+        return found
 
 
 _SMALLEST_OCTAVE = 8   # pixels: no octave gets smaller than this to either side
+
+
+class _Candidates(NamedTuple):
+    """What one octave offers to the filter; `response` is valid until the thread's next frame."""
+
+    image: np.ndarray
+    octave: int
+    response: np.ndarray    # the whole map
+    x: np.ndarray           # pixels of the octave
+    y: np.ndarray
+    strength: np.ndarray    # response at each
+
+    def only(self, indices: np.ndarray) -> _Candidates:
+        return self._replace(x=self.x[indices], y=self.y[indices], strength=self.strength[indices])
+
+
+class _Scratch(threading.local):
+    """Response maps that serve frame after frame, for fresh memory costs more than the arithmetic; one set a thread."""
+
+    def __init__(self) -> None:
+        self._maps: dict[int, np.ndarray] = {}
+
+    def response_map(self, octave: int, shape: tuple[int, ...]) -> np.ndarray:
+        if octave not in self._maps or self._maps[octave].shape != shape:
+            self._maps[octave] = np.empty(shape, np.float32)
+        return self._maps[octave]
+
+
+_scratch = _Scratch()
 
 
 def _inside(x: np.ndarray, y: np.ndarray, shape: tuple[int, ...], border: int) -> np.ndarray:

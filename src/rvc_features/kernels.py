@@ -406,3 +406,431 @@ def _add_four_pairs(values, left, right, weights, count, out):
         a, b = left + i, right + i
         out[i] += ((w1 * (values[a + three] + values[b]) + w2 * (values[a + two] + values[b + one]))
                    + (w3 * (values[a + one] + values[b + two]) + w4 * (values[a] + values[b + three])))
+
+
+# ---- Local maxima, positions between the pixels, orientation ----
+
+
+@_kernel
+def local_maxima(response, minimum):
+    """Local maxima above `minimum`, x and y in reading order; reference: `maxima.reference_local_maxima`."""
+    height, width = response.shape
+    capacity = ((height + 1) // 2) * ((width + 1) // 2) + 8   # of two neighbours only one is a maximum
+    found_x, found_y = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    words = np.zeros(width // 8 + 1, np.uint64)
+    flags = words.view(np.uint8)
+    minimum = np.float32(minimum)
+    outside = np.full(width, -np.inf, np.float32)
+    count = 0
+    for y in range(height):
+        above = response[y - 1] if y > 0 else outside
+        below = response[y + 1] if y < height - 1 else outside
+        _flag_maxima(response[y], above, below, minimum, flags)
+        flags[0] = _is_maximum(response, 0, y, minimum)
+        flags[width - 1] = _is_maximum(response, width - 1, y, minimum)
+        start = count
+        for word in range(len(words)):
+            if words[word] != 0:
+                # Each is written, and stays if it is one: a branch would be guessed wrongly at every maximum.
+                for x in range(8 * word, 8 * word + 8):
+                    found_x[count] = x
+                    count += flags[x]
+        found_y[start:count] = y
+    return found_x[:count].copy(), found_y[:count].copy()
+
+
+@_kernel
+def _flag_maxima(row, above, below, minimum, flags):
+    """1 at the maxima of a row but for its two ends, else 0."""
+    one, two = np.uint64(1), np.uint64(2)
+    for i in range(np.uint64(max(len(row) - 2, 0))):
+        value = row[i + one]
+        before = row[i] if row[i] > minimum else minimum
+        before = above[i] if above[i] > before else before
+        before = above[i + one] if above[i + one] > before else before
+        before = above[i + two] if above[i + two] > before else before
+        after = below[i] if below[i] > row[i + two] else row[i + two]
+        after = below[i + one] if below[i + one] > after else after
+        after = below[i + two] if below[i + two] > after else after
+        flags[i + one] = 1 if (value > before) & (value >= after) else 0
+
+
+@_kernel
+def _is_maximum(response, x, y, minimum):
+    height, width = response.shape
+    value = response[y, x]
+    if not value > minimum:
+        return False
+    for v in range(max(y - 1, 0), min(y + 2, height)):
+        for u in range(max(x - 1, 0), min(x + 2, width)):
+            before = v < y or (v == y and u < x)
+            if response[v, u] > value or (before and response[v, u] == value):
+                return False
+    return True
+
+
+@_kernel
+def refine(response, x, y):
+    """Tops of the quadratics through the 3x3 values; reference: `maxima.reference_refine`."""
+    height, width = response.shape
+    refined_x, refined_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
+    for i in range(len(x)):
+        u, v = x[i], y[i]
+        refined_x[i], refined_y[i] = u, v
+        if u <= 0 or u >= width - 1 or v <= 0 or v >= height - 1:
+            continue
+        middle = np.float64(response[v, u])
+        left, right = np.float64(response[v, u - 1]), np.float64(response[v, u + 1])
+        above, below = np.float64(response[v - 1, u]), np.float64(response[v + 1, u])
+        g_x, g_y = (right - left) / 2, (below - above) / 2
+        s_xx, s_yy = right - 2 * middle + left, below - 2 * middle + above
+        s_xy = (np.float64(response[v + 1, u + 1]) - np.float64(response[v + 1, u - 1])
+                - np.float64(response[v - 1, u + 1]) + np.float64(response[v - 1, u - 1])) / 4
+        determinant = s_xx * s_yy - s_xy * s_xy
+        if determinant > 0 and s_xx < 0:
+            refined_x[i] += min(max((s_xy * g_y - s_yy * g_x) / determinant, -0.5), 0.5)
+            refined_y[i] += min(max((s_xy * g_x - s_xx * g_y) / determinant, -0.5), 0.5)
+    return refined_x, refined_y
+
+
+def smoothed_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray,
+                       sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient of the smoothed image at each point; reference: `orientation.reference_gradients`."""
+    return _smoothed_gradients(_read_only(image), x.astype(np.float64), y.astype(np.float64), float(sigma))
+
+
+@_kernel
+def _smoothed_gradients(image, x, y, sigma):
+    height, width = image.shape
+    radius = int(np.ceil(3 * sigma))
+    side = 2 * radius + 1
+    n = np.uint64(side)
+    gradient_x, gradient_y = np.zeros(len(x), np.float64), np.zeros(len(x), np.float64)
+    weights_x, slopes_x, weights_y, slopes_y = np.empty((4, side), np.float64)
+    weighed, sloped = np.empty(side, np.float64), np.empty(side, np.float64)
+    spread = np.exp(-1 / sigma ** 2) if sigma > 0.5 else 0.0
+    line = np.empty(side, np.float64)
+    for i in range(len(x)):
+        left, top = np.int64(np.rint(x[i])) - radius, np.int64(np.rint(y[i])) - radius
+        _gaussian_and_slope(left - x[i], sigma, spread, weights_x, slopes_x)
+        _gaussian_and_slope(top - y[i], sigma, spread, weights_y, slopes_y)
+        # Seen from the value in the middle, a flat patch is zero, and its gradient is so exactly.
+        middle = np.float64(image[top + radius, left + radius])
+        inside = left >= 0 and left + side <= width
+        weighed[:] = 0
+        sloped[:] = 0
+        for row in range(side):
+            v = _reflect(top + row, height)
+            if inside:
+                source = image[v]
+                at = np.uint64(left)
+                for column in range(n):
+                    line[column] = np.float64(source[at + column]) - middle
+            else:
+                for column in range(side):
+                    line[column] = np.float64(image[v, _reflect(left + column, width)]) - middle
+            weight, slope = weights_y[row], slopes_y[row]
+            for column in range(n):
+                weighed[column] += weight * line[column]
+                sloped[column] += slope * line[column]
+        for column in range(n):
+            gradient_x[i] += slopes_x[column] * weighed[column]
+            gradient_y[i] += weights_x[column] * sloped[column]
+    return gradient_x, gradient_y
+
+
+@_kernel
+def _gaussian_and_slope(start, sigma, spread, weights, slopes):
+    """Gaussian at start, start + 1, ..., and its derivative, up to a common factor, with no response to flat areas."""
+    total, tilt = 0.0, 0.0
+    weight = np.exp(-start ** 2 / (2 * sigma ** 2))
+    ratio = np.exp(-(2 * start + 1) / (2 * sigma ** 2))   # of the second to the first; the next is `spread` times that
+    for i in range(len(weights)):
+        distance = start + i
+        if spread == 0:   # so narrow that the ratios leave the range of numbers
+            weight = np.exp(-distance ** 2 / (2 * sigma ** 2))
+        weights[i] = weight
+        slopes[i] = distance * weight
+        total += weight
+        tilt += slopes[i]
+        weight *= ratio
+        ratio *= spread
+    for i in range(len(weights)):
+        slopes[i] -= weights[i] * (tilt / total)
+
+
+# ---- Sorting ----
+
+_DIGIT = 11   # bits
+
+
+def strongest_first(values: np.ndarray) -> np.ndarray:
+    """Indices from the largest value to the least, of equals the lower first; reference: NumPy's stable argsort."""
+    # The bits of a positive double rise with it, those of a negative one fall; -0.0 becomes 0.0.
+    bits = (values + 0.0).view(np.uint64)
+    return _order_of_keys(np.where(bits >> np.uint64(63), bits, ~bits & np.uint64(2 ** 63 - 1)))
+
+
+@_kernel
+def _order_of_keys(keys):
+    """Stable radix sort: indices that bring keys (uint64) into rising order. A digit that never changes costs little."""
+    size = len(keys)
+    order = np.arange(size)
+    if size < 64:
+        for i in range(1, size):
+            moved, at = order[i], i
+            while at > 0 and keys[order[at - 1]] > keys[moved]:
+                order[at] = order[at - 1]
+                at -= 1
+            order[at] = moved
+        return order
+    digits = 64 // _DIGIT + 1
+    mask = np.uint64((1 << _DIGIT) - 1)
+    counts = np.zeros((digits, 1 << _DIGIT), np.int64)
+    for i in range(size):
+        key = keys[i]
+        for digit in range(digits):
+            counts[digit, np.int64((key >> np.uint64(_DIGIT * digit)) & mask)] += 1
+    other_keys, other_order = np.empty(size, np.uint64), np.empty(size, np.int64)
+    for digit in range(digits):
+        shift = np.uint64(_DIGIT * digit)
+        count = counts[digit]
+        if count[np.int64((keys[0] >> shift) & mask)] == size:
+            continue
+        start = 0
+        for value in range(len(count)):
+            start, count[value] = start + count[value], start
+        for i in range(size):
+            value = np.int64((keys[i] >> shift) & mask)
+            other_keys[count[value]], other_order[count[value]] = keys[i], order[i]
+            count[value] += 1
+        keys, other_keys = other_keys, (keys if digit > 0 else np.empty(size, np.uint64))
+        order, other_order = other_order, order
+    return order
+
+
+# ---- Adaptive non-maximal suppression ----
+
+_LEAF = 8   # points to a leaf of the tree, at the most
+
+
+@_kernel
+def significantly_stronger(responses, robustness):
+    """How many of the first ones are significantly stronger; reference: `filters.reference_stronger`."""
+    result = np.empty(len(responses), np.int64)
+    exceeding, stronger = 0, 0
+    for i in range(len(responses)):
+        while exceeding < len(responses) and robustness * responses[exceeding] > responses[i]:
+            exceeding += 1
+        while responses[stronger] > responses[i]:
+            stronger += 1
+        result[i] = min(exceeding, stronger)
+    return result
+
+
+@_kernel
+def suppression_radii(points, stronger, count):
+    """Suppression radius of each point; reference: `filters.reference_radii`.
+
+    Point i is suppressed by the first stronger[i] points. A balanced tree of bounding boxes over the points knows the
+    first point (the lowest index) in each node. A search begins in the point's own leaf, climbs, and leaves out the
+    nodes that are too far or hold nothing before stronger[i]. No arrangement of the points unbalances the tree.
+
+    Only the `count` largest radii are sought exactly: a search ends once it is below as many radii as that, and what
+    it has found by then stands for the radius.
+    """
+    size = len(points)
+    leaves = 1
+    while leaves * _LEAF < size:
+        leaves *= 2
+    order = _neighbours_together(points)
+    starts = np.empty(leaves + 1, np.int64)
+    for leaf in range(leaves + 1):
+        starts[leaf] = size * leaf // leaves
+    sorted_points, leaf_of = np.empty((size, 2), np.float64), np.empty(size, np.int64)
+    for leaf in range(leaves):
+        for i in range(starts[leaf], starts[leaf + 1]):
+            leaf_of[order[i]] = leaf
+            sorted_points[i, 0], sorted_points[i, 1] = points[order[i], 0], points[order[i], 1]
+    boxes, first = _build_tree(sorted_points, order, starts)
+
+    radii = np.full(size, np.inf)
+    count = 0 if count >= size else max(count, 1)
+    largest = np.full(max(count, 1), -1.0)   # the `count` largest radii so far: a heap, its least in front
+    stack, distances = np.empty(128, np.int64), np.empty(128, np.float64)
+    # The strong ones set the mark; the many others follow leaf by leaf, where memory is near and most fall at once.
+    leading = min(4 * count, size)
+    for i in range(leading):
+        if stronger[i] > 0:
+            radii[i] = _nearest(points[i, 0], points[i, 1], stronger[i], largest[0], leaf_of[i],
+                                order, sorted_points, starts, boxes, first, stack, distances)
+        if radii[i] > largest[0]:
+            _replace_least(largest, radii[i])
+    for leaf in range(leaves):
+        bound, suppressing = _certainly_suppressed(largest[0], leaves + leaf, boxes, first)
+        for at in range(starts[leaf], starts[leaf + 1]):
+            i = order[at]
+            if i < leading:
+                continue
+            if stronger[i] > suppressing:
+                radii[i] = bound
+                continue
+            if stronger[i] > 0:
+                radii[i] = _nearest(points[i, 0], points[i, 1], stronger[i], largest[0], leaf,
+                                    order, sorted_points, starts, boxes, first, stack, distances)
+            if count > 0 and radii[i] > largest[0]:
+                _replace_least(largest, radii[i])
+    return radii
+
+
+@_kernel
+def _certainly_suppressed(enough, node, boxes, first):
+    """A bound below `enough` on the radius of all points of a leaf that the returned index, or a lower one, suppresses.
+
+    The largest node round the leaf that is less than `enough` across decides: wherever in it its first point lies.
+    """
+    bound, suppressing = 0.0, len(boxes) * _LEAF
+    while node > 0:
+        dx, dy = boxes[node, 2] - boxes[node, 0], boxes[node, 3] - boxes[node, 1]
+        across = np.sqrt(dx * dx + dy * dy)
+        if not across < enough:
+            break
+        bound, suppressing = across, first[node]
+        node //= 2
+    return bound, suppressing
+
+
+@_kernel
+def _nearest(x, y, before, enough, leaf, order, points, starts, boxes, first, stack, distances):
+    """Distance to the nearest of the points before `before`; any distance to one that is less than `enough` will do."""
+    leaves = len(starts) - 1
+    best = np.inf
+    climbing = leaves + leaf   # the subtree of this node has been searched, or lies on the stack
+    node, depth = climbing, 0
+    while True:
+        if node >= leaves:
+            for i in range(starts[node - leaves], starts[node - leaves + 1]):
+                if order[i] < before:
+                    dx, dy = points[i, 0] - x, points[i, 1] - y
+                    best = min(best, dx * dx + dy * dy)
+            if np.sqrt(best) < enough:
+                break
+            node = 0
+        else:
+            near, far = 2 * node, 2 * node + 1
+            to_near = _squared_distance(x, y, boxes, near) if first[near] < before else np.inf
+            to_far = _squared_distance(x, y, boxes, far) if first[far] < before else np.inf
+            if to_far < to_near:
+                near, far, to_near, to_far = far, near, to_far, to_near
+            if to_far < best:
+                stack[depth], distances[depth] = far, to_far
+                depth += 1
+            node = near if to_near < best else 0
+        while node == 0 and depth > 0:
+            depth -= 1
+            if distances[depth] < best:
+                node = stack[depth]
+        while node == 0 and climbing > 1:
+            sibling = climbing ^ 1
+            if first[sibling] < before and _squared_distance(x, y, boxes, sibling) < best:
+                node = sibling
+            climbing >>= 1
+        if node == 0:
+            break
+    return np.sqrt(best)
+
+
+@_kernel
+def _squared_distance(x, y, boxes, node):
+    dx = max(boxes[node, 0] - x, x - boxes[node, 2], 0.0)
+    dy = max(boxes[node, 1] - y, y - boxes[node, 3], 0.0)
+    return dx * dx + dy * dy
+
+
+@_kernel
+def _replace_least(heap, value):
+    size = len(heap)
+    at = 0
+    while 2 * at + 1 < size:
+        child = 2 * at + 1
+        if child + 1 < size and heap[child + 1] < heap[child]:
+            child += 1
+        if heap[child] >= value:
+            break
+        heap[at] = heap[child]
+        at = child
+    heap[at] = value
+
+
+@_kernel
+def _build_tree(points, order, starts):
+    """Bounding box (x, y, x, y) and lowest index of each node; the points come in the order of the leaves.
+
+    Node 1 is the root, node k has the children 2 k and 2 k + 1, and the last `leaves` nodes are the leaves.
+    """
+    size, leaves = len(points), len(starts) - 1
+    boxes = np.empty((2 * leaves, 4), np.float64)
+    first = np.full(2 * leaves, size)
+    for leaf in range(leaves):
+        node = leaves + leaf
+        left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+        for i in range(starts[leaf], starts[leaf + 1]):
+            x, y = points[i, 0], points[i, 1]
+            left, top, right, bottom = min(left, x), min(top, y), max(right, x), max(bottom, y)
+            first[node] = min(first[node], order[i])
+        boxes[node, 0], boxes[node, 1], boxes[node, 2], boxes[node, 3] = left, top, right, bottom
+    for node in range(leaves - 1, 0, -1):
+        a, b = 2 * node, 2 * node + 1
+        first[node] = min(first[a], first[b])
+        boxes[node, 0], boxes[node, 1] = min(boxes[a, 0], boxes[b, 0]), min(boxes[a, 1], boxes[b, 1])
+        boxes[node, 2], boxes[node, 3] = max(boxes[a, 2], boxes[b, 2]), max(boxes[a, 3], boxes[b, 3])
+    return boxes, first
+
+
+@_kernel
+def _neighbours_together(points):
+    """An order of the points in which neighbours mostly follow each other: along a Z curve, fine as needed.
+
+    The curve has 2^16 steps to a side. Where more than a leaf of points fall into one cell, as in tight clusters,
+    they are ordered along a curve of their own, and so on.
+    """
+    size = len(points)
+    order = np.arange(size)
+    pending = np.empty((size // _LEAF + 2, 2), np.int64)
+    pending[0, 0], pending[0, 1] = 0, size
+    count = 1
+    while count > 0:
+        count -= 1
+        low, high = pending[count, 0], pending[count, 1]
+        left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
+        for i in range(low, high):
+            x, y = points[order[i], 0], points[order[i], 1]
+            left, top, right, bottom = min(left, x), min(top, y), max(right, x), max(bottom, y)
+        extent = max(right - left, bottom - top)
+        if not 1e-290 < extent < 1e300:
+            continue   # all in one place, or out of any scale
+        scale = 65535 / extent
+        keys = np.empty(high - low, np.uint64)
+        for i in range(low, high):
+            x, y = points[order[i], 0], points[order[i], 1]
+            keys[i - low] = (_with_gaps(np.uint64((x - left) * scale))
+                             | (_with_gaps(np.uint64((y - top) * scale)) << np.uint64(1)))
+        along = _order_of_keys(keys)
+        order[low:high] = order[low:high][along]
+        start = 0
+        for i in range(1, high - low + 1):
+            if i == high - low or keys[along[i]] != keys[along[start]]:
+                if i - start > _LEAF:
+                    pending[count, 0], pending[count, 1] = low + start, low + i
+                    count += 1
+                start = i
+    return order
+
+
+@_kernel
+def _with_gaps(value):
+    """The 16 bits of a number with a zero before each."""
+    value = (value | (value << np.uint64(8))) & np.uint64(0x00FF00FF)
+    value = (value | (value << np.uint64(4))) & np.uint64(0x0F0F0F0F)
+    value = (value | (value << np.uint64(2))) & np.uint64(0x33333333)
+    return (value | (value << np.uint64(1))) & np.uint64(0x55555555)

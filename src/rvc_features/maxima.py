@@ -5,6 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from rvc_features import kernels
+
 # The eight neighbours of a pixel, split into those before and those after it in reading order.
 _BEFORE = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 0]], np.uint8)
 _AFTER = np.array([[0, 0, 0], [0, 0, 1], [1, 1, 1]], np.uint8)
@@ -27,6 +29,13 @@ def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.n
     x, y : ndarray, int64, shape (N,)
         In reading order.
     """
+    if kernels.available():
+        return kernels.local_maxima(response, minimum)
+    return reference_local_maxima(response, minimum)
+
+
+def reference_local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
+    """`local_maxima` with OpenCV's dilation: the largest of the neighbours before and after each pixel."""
     is_maximum = response > minimum
     is_maximum &= response > cv2.dilate(response, _BEFORE)
     is_maximum &= response >= cv2.dilate(response, _AFTER)
@@ -56,6 +65,13 @@ def refine(response: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarr
     -------
     x, y : ndarray, float64, shape (N,)
     """
+    if kernels.available():
+        return kernels.refine(response, x, y)
+    return reference_refine(response, x, y)
+
+
+def reference_refine(response: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """`refine` for all points at once."""
     height, width = response.shape
     refined_x, refined_y = x.astype(np.float64), y.astype(np.float64)
     inside = np.flatnonzero((x > 0) & (x < width - 1) & (y > 0) & (y < height - 1))

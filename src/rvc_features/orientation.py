@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from rvc_features import kernels
+
 
 def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> np.ndarray:
     """Angle of the smoothed gradient at each point.
@@ -26,16 +28,23 @@ def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma:
     ndarray, float32, shape (N,)
         atan2(I_y, I_x) in degrees, in [0, 360): clockwise from +x as the image is seen. 0 where there is no gradient.
     """
+    gradient = kernels.smoothed_gradients if kernels.available() else reference_gradients
+    gradient_x, gradient_y = gradient(image, x, y, sigma)
+    angle = (np.degrees(np.arctan2(gradient_y, gradient_x)) % 360).astype(np.float32)
+    angle[angle >= 360] = 0   # what the remainder of a tiny negative angle rounds to
+    return angle
+
+
+def reference_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray,
+                        sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient of the image under a Gaussian, up to a common factor, at each point."""
     radius = int(np.ceil(3 * sigma))
     columns, weights_x, slopes_x = _kernel(x, image.shape[1], radius, sigma)
     rows, weights_y, slopes_y = _kernel(y, image.shape[0], radius, sigma)
     patches = image[rows[:, :, None], columns[:, None, :]].astype(np.float64)
     gradient_x = np.einsum('nyx,ny,nx->n', patches, weights_y, slopes_x)
     gradient_y = np.einsum('nyx,ny,nx->n', patches, slopes_y, weights_x)
-
-    angle = (np.degrees(np.arctan2(gradient_y, gradient_x)) % 360).astype(np.float32)
-    angle[angle >= 360] = 0   # what the remainder of a tiny negative angle rounds to
-    return angle
+    return gradient_x, gradient_y
 
 
 def _kernel(position: np.ndarray, length: int, radius: int, sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
