@@ -17,6 +17,8 @@ import numpy as np
 import sensor_msgs.msg
 from std_msgs.msg import Header
 
+COMPRESSED_FORMATS = ('jpeg', 'png')
+
 
 class ImageError(ValueError):
     """An image that can't be used; the text says what is wrong with it."""
@@ -110,8 +112,8 @@ def to_compressed_message(array: np.ndarray, encoding: str, header: Header | Non
     ImageError
         When array and encoding do not belong together or can't be compressed.
     """
-    if format not in ('jpeg', 'png'):
-        raise ValueError(f'format must be jpeg or png; got {format!r}')
+    if format not in COMPRESSED_FORMATS:
+        raise ValueError(f'format must be one of {", ".join(COMPRESSED_FORMATS)}; got {format!r}')
     dtype, _ = _layout(encoding)
     if dtype not in (np.uint8, np.uint16):
         raise ImageError(f'{encoding} images can not be compressed, only those of 8 or 16 unsigned bits')

@@ -19,11 +19,18 @@ import numpy as np
 import rosgraph.names
 import rospy
 import sensor_msgs.msg
-from dynamic_reconfigure.server import Server
 from std_msgs.msg import Header
 
 from rvc_features.cfg import CompressedPublisherConfig
-from rvc_features.image_messages import Image, ImageError, to_compressed_message, to_image_message, unpack
+from rvc_features.image_messages import (
+    COMPRESSED_FORMATS,
+    Image,
+    ImageError,
+    to_compressed_message,
+    to_image_message,
+    unpack,
+)
+from rvc_features.reconfigure import ReconfigureServer
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 
@@ -162,7 +169,7 @@ class Subscriber:
     def __init__(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int, hints: TransportHints,
                  decode: bool) -> None:
         name = hints.get_transport()
-        if name not in TRANSPORTS:
+        if not isinstance(name, str) or name not in TRANSPORTS:
             raise ValueError(f'unknown image transport {name!r}; there are {", ".join(sorted(TRANSPORTS))}')
         self.errors = 0   # messages that could not be decoded
         self._base_topic = rospy.resolve_name(base_topic)
@@ -187,7 +194,7 @@ class Subscriber:
         return self._transport.name
 
     def shutdown(self) -> None:
-        """Unsubscribe; no callback begins after that."""
+        """Unsubscribe; a callback that has begun may still be running afterwards, but none begins."""
         self._callback = None
         self._subscriber.unregister()
 
@@ -257,16 +264,25 @@ class CompressedTransport(Transport):
 
     def start_publishing(self, topic: str) -> None:
         self._parameters = dict(CompressedPublisherConfig.defaults)
-        self._server = Server(CompressedPublisherConfig, self.update_config, topic)
+        self._server: ReconfigureServer | None = None
+        try:
+            self._server = ReconfigureServer(CompressedPublisherConfig, self.update_config, topic)
+        except rospy.service.ServiceException:
+            rospy.logwarn(f'{topic} is advertised twice in this node; only the parameters of the first can be changed')
 
     def stop_publishing(self) -> None:
-        self._server.set_service.shutdown('image topic withdrawn')
-        self._server.descr_topic.unregister()
-        self._server.update_topic.unregister()
+        if self._server is not None:
+            self._server.set_service.shutdown('image topic withdrawn')
+            self._server.descr_topic.unregister()
+            self._server.update_topic.unregister()
 
     def update_config(self, config: Any, level: int) -> Any:
-        """Callback of dynamic_reconfigure."""
-        self._parameters = {name: config[name] for name in CompressedPublisherConfig.defaults}
+        """Callback of dynamic_reconfigure, which has checked the numbers."""
+        if config['format'] not in COMPRESSED_FORMATS:
+            rospy.logwarn(f'format must be one of {", ".join(COMPRESSED_FORMATS)}; got {config["format"]!r}, '
+                          f'{self._parameters["format"]!r} stays')
+            config['format'] = self._parameters['format']
+        self._parameters = {name: config[name] for name in self._parameters}
         return config
 
     def encode(self, image: sensor_msgs.msg.Image) -> sensor_msgs.msg.CompressedImage:

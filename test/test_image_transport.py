@@ -1,0 +1,443 @@
+#!/usr/bin/env python3
+"""The transport among real ROS connections: with itself, with C++, and with subscribers that come, stall and leave."""
+
+import contextlib
+import logging
+import os
+import queue
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+import unittest
+from pathlib import Path
+
+import cv2
+import dynamic_reconfigure.client
+import numpy as np
+import rospy
+import rostest
+from sensor_msgs.msg import CompressedImage
+from sensor_msgs.msg import Image as PlainImage
+from std_msgs.msg import Header
+
+sys.path.insert(0, str(Path(__file__).resolve().parent / 'unit'))
+
+import pytest
+from quadrant_images import ENCODINGS, corners, quadrants
+
+from rvc_features import image_transport
+from rvc_features.image_messages import to_array, unpack
+from rvc_features.image_transport import ImageTransport, RawTransport, Transport, TransportHints
+
+PATIENCE = 20   # seconds after which something that should happen is taken not to happen
+COMPRESSED = TransportHints('compressed')
+
+
+def wait_until(condition, what):
+    """Wait for a state that rospy has no event for."""
+    end = time.monotonic() + PATIENCE
+    while not condition():
+        if time.monotonic() > end:
+            raise AssertionError(f'in {PATIENCE} s not: {what}')
+        time.sleep(0.01)
+
+
+class CountingTransport(Transport):
+    """A plug-in as a user writes it: counts what it is asked to encode."""
+
+    name = 'counting'
+    message_class = PlainImage
+    encoded: list = []   # noqa: RUF012
+
+    def encode(self, image):
+        self.encoded.append(image)
+        return image
+
+    def decode(self, message):
+        return message
+
+
+class Warnings(logging.Handler):
+    """What the node logs as warning or worse, while it is in use as a context."""
+
+    def __enter__(self):
+        self.texts = []
+        logging.getLogger('rosout').addHandler(self)
+        return self.texts
+
+    def __exit__(self, *_):
+        logging.getLogger('rosout').removeHandler(self)
+
+    def emit(self, record):
+        if record.levelno >= logging.WARNING:
+            self.texts.append(record.getMessage())
+
+
+class ImageTransportTest(unittest.TestCase):
+    def setUp(self):
+        self.transport = ImageTransport()
+
+    def advertise(self, *arguments, **keywords):
+        publisher = self.transport.advertise(*arguments, **keywords)
+        self.addCleanup(publisher.shutdown)
+        return publisher
+
+    def subscribe(self, topic, *arguments, **keywords):
+        """A subscriber and the queue of what it gets."""
+        messages = queue.Queue()
+        subscriber = self.transport.subscribe(topic, messages.put, *arguments, **keywords)
+        self.addCleanup(subscriber.shutdown)
+        return subscriber, messages
+
+    def plain_publisher(self, topic, message_class):
+        publisher = rospy.Publisher(topic, message_class, queue_size=10)
+        self.addCleanup(publisher.unregister)
+        return publisher
+
+    # Colours ------------------------------------------------------------------------------------------------------
+
+    def test_quadrants_from_us_to_us(self):
+        publisher = self.advertise('to_us')
+        for transport, kind, encodings, tolerance in (
+                ('raw', 'jpeg', ENCODINGS, 0), ('compressed', 'png', ENCODINGS, 0),
+                ('compressed', 'jpeg', [name for name in ENCODINGS if not name.startswith('bayer')], 3)):
+            rospy.set_param('~image_transport', transport)
+            self.addCleanup(rospy.delete_param, '~image_transport') if transport == 'raw' else None
+            if kind == 'png':
+                client = dynamic_reconfigure.client.Client('to_us/compressed', timeout=PATIENCE)
+                self.addCleanup(client.close)
+            if transport == 'compressed':
+                assert client.update_configuration({'format': kind})['format'] == kind
+            subscriber, messages = self.subscribe('to_us')
+            assert subscriber.get_transport() == transport
+            wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+            for encoding in encodings:
+                with self.subTest(transport=transport, kind=kind, encoding=encoding):
+                    array, header = quadrants(encoding), Header(0, rospy.Time(12, 34), 'lens')
+                    publisher.publish_array(array, encoding, header)
+                    message = messages.get(timeout=PATIENCE)
+                    assert isinstance(message, PlainImage)
+                    assert message.encoding == encoding
+                    assert (message.header.stamp, message.header.frame_id) == (header.stamp, 'lens')
+                    found = to_array(message, 'passthrough')
+                    assert (found.shape, found.dtype) == (array.shape, array.dtype)
+                    np.testing.assert_allclose(corners(found), corners(array), atol=tolerance)
+            subscriber.shutdown()
+            wait_until(lambda: publisher.get_num_subscribers() == 0, 'gone')
+
+    def test_quadrants_from_us_to_cpp_to_us(self):
+        _, messages = self.subscribe('from_cpp')
+        publisher = self.advertise('to_cpp')
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'C++ connected')
+        for encoding in ENCODINGS:
+            with self.subTest(encoding=encoding):
+                array = quadrants(encoding)
+                publisher.publish_array(array, encoding, Header(0, rospy.Time(12, 34), 'lens'))
+                message = messages.get(timeout=PATIENCE)
+                assert (message.encoding, message.header.frame_id) == (encoding, 'lens')
+                np.testing.assert_array_equal(to_array(message, 'passthrough'), array)
+
+    def test_quadrants_as_the_cpp_plugin_writes_them(self):
+        subscriber, messages = self.subscribe('plugin', transport_hints=COMPRESSED)
+        publisher = self.plain_publisher('plugin/compressed', CompressedImage)
+        wait_until(lambda: subscriber.get_num_publishers() == 1, 'connected')
+        for extension, kind in (('.jpg', 'jpeg'), ('.png', 'png')):
+            for encoding in ENCODINGS:
+                if kind == 'jpeg' and encoding in ('mono16', 'bayer_rggb8'):
+                    continue
+                with self.subTest(kind=kind, encoding=encoding):
+                    colour = encoding in ('bgr8', 'rgb8', 'bgra8', 'rgba8')
+                    data = cv2.imencode(extension, quadrants('bgr8' if colour else encoding))[1].tobytes()
+                    publisher.publish(Header(), f'{encoding}; {kind} compressed {"bgr8" if colour else ""}', data)
+                    message = messages.get(timeout=PATIENCE)
+                    assert message.encoding == encoding
+                    np.testing.assert_allclose(corners(to_array(message, 'passthrough')), corners(quadrants(encoding)),
+                                               atol=3 if kind == 'jpeg' else 0)
+
+    def test_undecoded_messages_on_request(self):
+        publisher = self.advertise('undecoded')
+        for transport, kind in (('raw', PlainImage), ('compressed', CompressedImage)):
+            subscriber, messages = self.subscribe('undecoded', transport_hints=TransportHints(transport), decode=False)
+            wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+            publisher.publish_array(quadrants('rgb8'), 'rgb8')
+            message = messages.get(timeout=PATIENCE)
+            assert isinstance(message, kind)
+            assert unpack(message)[1] == 'rgb8'
+            subscriber.shutdown()
+            wait_until(lambda: publisher.get_num_subscribers() == 0, 'gone')
+
+    def test_any_tool_recognises_what_we_publish(self):
+        publisher = self.advertise('typed', latch=True)
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        for topic, kind in (('typed', PlainImage), ('typed/compressed', CompressedImage)):
+            messages = queue.Queue()
+            subscriber = rospy.Subscriber(topic, rospy.AnyMsg, messages.put)
+            self.addCleanup(subscriber.unregister)
+            message = messages.get(timeout=PATIENCE)
+            header = message._connection_header
+            assert (header['type'], header['md5sum'], header['latching']) == (kind._type, kind._md5sum, '1')
+            assert header['message_definition'] == kind._full_text
+            np.testing.assert_allclose(corners(to_array(kind().deserialize(message._buff))),
+                                       corners(quadrants('bgr8')), atol=3)
+
+    # Names and parameters -----------------------------------------------------------------------------------------
+
+    def test_names_are_resolved_before_anything_is_appended(self):
+        publisher = self.advertise('here')   # remapped to /elsewhere/camera
+        assert publisher.get_topic() == '/elsewhere/camera'
+        published = dict(rospy.get_published_topics())
+        assert published['/elsewhere/camera'] == 'sensor_msgs/Image'
+        assert published['/elsewhere/camera/compressed'] == 'sensor_msgs/CompressedImage'
+        assert rospy.get_param('/elsewhere/camera/compressed/jpeg_quality') == 80
+        subscriber, messages = self.subscribe('here', transport_hints=COMPRESSED)
+        assert (subscriber.get_topic(), subscriber.get_transport()) == ('/elsewhere/camera', 'compressed')
+        wait_until(lambda: publisher.get_num_subscribers() == subscriber.get_num_publishers() == 1, 'connected')
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        messages.get(timeout=PATIENCE)
+
+    def test_the_parameter_wins_over_the_hint_and_may_have_another_name(self):
+        rospy.set_param('~image_transport', 'compressed')
+        rospy.set_param('/left/transport', 'raw')
+        self.addCleanup(rospy.delete_param, '~image_transport')
+        self.addCleanup(rospy.delete_param, '/left/transport')
+        subscriber, _ = self.subscribe('chosen', transport_hints=TransportHints('raw'))
+        assert subscriber.get_transport() == 'compressed'
+        subscriber, _ = self.subscribe('chosen', transport_hints=TransportHints('compressed', 'transport', '/left'))
+        assert subscriber.get_transport() == 'raw'
+
+    def test_unknown_transport(self):
+        for transport in ('theora', '', 7, ['raw']):
+            rospy.set_param('~image_transport', transport)
+            with pytest.raises(ValueError, match=re.escape(f'{transport!r}; there are compressed, raw')):
+                self.subscribe('unknown')
+        rospy.delete_param('~image_transport')
+
+    def test_warning_for_a_topic_of_one_transport(self):
+        with Warnings() as texts:
+            self.subscribe('camera/image/compressed')
+            self.subscribe('camera/compressed_image')
+        assert len(texts) == 1
+        assert re.search(r'/camera/image/compressed .* /camera/image .*_image_transport:=compressed', texts[0])
+
+    def test_outputs_can_be_turned_off(self):
+        for name, topics in (('only_raw', {''}), ('only_compressed', {'/compressed'}),
+                             ('disabled_wrongly', {'', '/compressed'})):
+            self.advertise(name)
+            found = {topic[len(name) + 1:] for topic, kind in rospy.get_published_topics()
+                     if kind.startswith('sensor_msgs/') and topic.startswith(f'/{name}')}
+            assert found == topics, name
+
+    def test_parameters_of_compression(self):
+        publisher = self.advertise('tuned')
+        _, messages = self.subscribe('tuned', transport_hints=COMPRESSED, decode=False)
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+        client = dynamic_reconfigure.client.Client('tuned/compressed', timeout=PATIENCE)
+        self.addCleanup(client.close)
+        noise = np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)
+
+        def sent(**parameters):
+            in_force = client.update_configuration(parameters)
+            publisher.publish_array(noise, 'bgr8')
+            return in_force, messages.get(timeout=PATIENCE)
+
+        large, small = sent(jpeg_quality=95)[1], sent(jpeg_quality=5)[1]
+        assert len(large.data) > 2 * len(small.data)
+        assert sent(format='png')[1].format == 'bgr8; png compressed bgr8'
+        assert rospy.get_param('tuned/compressed/format') == 'png'
+        for hostile in ({'format': 'tiff'}, {'format': ''}, {'jpeg_quality': 1000}, {'png_level': -5}):
+            in_force, message = sent(**hostile)
+            assert message.format == 'bgr8; png compressed bgr8', hostile
+            assert in_force['jpeg_quality'] in range(1, 101)
+            assert in_force['png_level'] in range(1, 10)
+        assert sent(format='jpeg')[1].format == 'bgr8; jpeg compressed bgr8'
+
+    def test_parameters_preset_wrongly(self):
+        publisher = self.advertise('preset')
+        _, messages = self.subscribe('preset', transport_hints=COMPRESSED)
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        messages.get(timeout=PATIENCE)
+        assert rospy.get_param('preset/compressed') == {
+            'format': 'jpeg', 'jpeg_quality': 80, 'png_level': 9, 'jpeg_progressive': True, 'jpeg_optimize': False}
+
+    # Laziness and latching ----------------------------------------------------------------------------------------
+
+    def test_encoding_once_for_each_image_and_only_when_somebody_listens(self):
+        image_transport.TRANSPORTS['counting'] = CountingTransport
+        self.addCleanup(image_transport.TRANSPORTS.pop, 'counting')
+        publisher = self.advertise('lazy')
+        _, raw = self.subscribe('lazy')
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'raw connected')
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        raw.get(timeout=PATIENCE)
+        assert CountingTransport.encoded == []
+
+        _, counted = self.subscribe('lazy', transport_hints=TransportHints('counting'))
+        other = queue.Queue()
+        republisher = subprocess.Popen(['rosrun', 'image_transport', 'republish', 'raw', 'in:=lazy/counting', 'raw',
+                                        'out:=lazy_again', '__name:=second_listener'])
+        self.addCleanup(self.end, republisher)
+        again = rospy.Subscriber('lazy_again', PlainImage, other.put)
+        self.addCleanup(again.unregister)
+        wait_until(lambda: publisher.get_num_subscribers() == 3, 'two more connected')
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        for messages in (raw, counted, other):
+            messages.get(timeout=PATIENCE)
+        assert len(CountingTransport.encoded) == 1
+
+    def test_latched_image_for_whoever_comes_late(self):
+        for transport in ('raw', 'compressed'):
+            publisher = self.advertise('latched', latch=True)
+            array = quadrants('bgr8')
+            publisher.publish_array(np.zeros_like(array), 'bgr8')
+            publisher.publish_array(array, 'bgr8', Header(0, None, 'late'))
+            array[:] = 0   # the caller's array is the caller's again
+            for _ in range(2):
+                subscriber, messages = self.subscribe('latched', transport_hints=TransportHints(transport))
+                message = messages.get(timeout=PATIENCE)
+                assert message.header.frame_id == 'late'
+                np.testing.assert_allclose(corners(to_array(message)), corners(quadrants('bgr8')), atol=3)
+                subscriber.shutdown()
+                wait_until(lambda publisher=publisher: publisher.get_num_subscribers() == 0, 'gone')
+                assert messages.empty(), 'sent twice'
+            publisher.shutdown()
+
+    def test_without_latch_nothing_is_kept(self):
+        publisher = self.advertise('forgetful')
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        _, messages = self.subscribe('forgetful')
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+        publisher.publish_array(quadrants('mono8'), 'mono8')
+        assert messages.get(timeout=PATIENCE).encoding == 'mono8'
+
+    def test_news_of_subscribers(self):
+        came, left = threading.Event(), threading.Event()
+        publisher = self.advertise('observed', subscriber_connected=came.set, subscriber_disconnected=left.set)
+        subscriber, _ = self.subscribe('observed', transport_hints=COMPRESSED)
+        assert came.wait(PATIENCE)
+        assert not left.is_set()
+        subscriber.shutdown()
+        assert left.wait(PATIENCE)
+        wait_until(lambda: publisher.get_num_subscribers() == 0, 'gone')
+
+    # Trouble ------------------------------------------------------------------------------------------------------
+
+    def test_bad_messages_are_counted_reported_and_skipped(self):
+        subscriber, messages = self.subscribe('bad', transport_hints=COMPRESSED, queue_size=100)
+        publisher = self.plain_publisher('bad/compressed', CompressedImage)
+        wait_until(lambda: subscriber.get_num_publishers() == 1, 'connected')
+        jpeg, png = (cv2.imencode(kind, quadrants('bgr8'))[1].tobytes() for kind in ('.jpg', '.png'))
+        grey = cv2.imencode('.jpg', quadrants('mono8'))[1].tobytes()
+        bad = [('jpeg', b''), ('jpeg', b'\xff\xd8\xff' + bytes(500)), ('jpeg', jpeg[:-100]), ('png', png[:-40]),
+               ('mono16; jpeg compressed ', grey), ('mono8; jpeg compressed ', jpeg),
+               ('nonsense; jpeg compressed', jpeg)]
+        with Warnings() as texts:
+            for text, data in bad:
+                publisher.publish(Header(), text, data)
+            publisher.publish(Header(), 'bgr8; jpeg compressed bgr8', jpeg)
+            message = messages.get(timeout=PATIENCE)
+        assert message.encoding == 'bgr8'
+        assert messages.empty()
+        assert subscriber.errors == len(bad)
+        reports = [text for text in texts if 'image skipped' in text]
+        assert len(reports) == 1, 'throttled'
+        assert '/bad/compressed' in reports[0]
+
+    def test_image_that_can_not_be_compressed_still_goes_out_raw(self):
+        publisher = self.advertise('depth')
+        _, raw = self.subscribe('depth')
+        _, none = self.subscribe('depth', transport_hints=COMPRESSED)
+        wait_until(lambda: publisher.get_num_subscribers() == 2, 'connected')
+        for count in (1, 2):
+            publisher.publish_array(np.ones((4, 5), np.float32), '32FC1')
+            assert raw.get(timeout=PATIENCE).encoding == '32FC1'
+            assert publisher.errors == count
+        publisher.publish_array(np.ones((4, 5), np.uint8), 'mono8')
+        assert none.get(timeout=PATIENCE).encoding == 'mono8'
+
+    def test_subscriber_that_stops_reading_does_not_stop_the_publisher(self):
+        publisher = self.advertise('stalled')
+        stalled = subprocess.Popen(['rosrun', 'image_transport', 'republish', 'raw', 'in:=stalled', 'raw',
+                                    'out:=stalled_again', '__name:=sleeper'], start_new_session=True)
+        self.addCleanup(self.end, stalled)
+        sink = rospy.Subscriber('stalled_again', PlainImage)   # republish is lazy too
+        self.addCleanup(sink.unregister)
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+        os.killpg(stalled.pid, signal.SIGSTOP)
+        frame = np.zeros((1080, 1920, 3), np.uint8)
+        publishing = threading.Thread(target=lambda: [publisher.publish_array(frame, 'bgr8') for _ in range(30)],
+                                      daemon=True)
+        publishing.start()
+        publishing.join(PATIENCE)
+        assert not publishing.is_alive()
+        _, messages = self.subscribe('stalled')
+        wait_until(lambda: publisher.get_num_subscribers() == 2, 'another connected')
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        messages.get(timeout=PATIENCE)
+
+    def test_a_hundred_times_subscribing_and_leaving(self):
+        threads_before, files_before = set(threading.enumerate()), len(os.listdir('/proc/self/fd'))
+        publisher = self.advertise('hundred', latch=True)
+        frame, stop, problems, threads = quadrants('bgr8'), threading.Event(), [], set()
+
+        def film():
+            try:
+                while not stop.wait(0.002):
+                    publisher.publish_array(frame, 'bgr8')
+            except Exception as error:   # would end unseen in this thread
+                problems.append(error)
+
+        filming = threading.Thread(target=film)
+        filming.start()
+        self.addCleanup(filming.join)
+        self.addCleanup(stop.set)
+        for i in range(100):
+            arrived = threading.Event()
+            subscriber = self.transport.subscribe('hundred', lambda _, arrived=arrived: arrived.set(),
+                                                  transport_hints=TransportHints(('raw', 'compressed')[i % 2]))
+            assert arrived.wait(PATIENCE)
+            threads.update(threading.enumerate())
+            subscriber.shutdown()
+        assert len(threads - threads_before) > 100, 'each connection has its own'
+        wait_until(lambda: publisher.get_num_subscribers() == 0, 'no connection')
+        stop.set()
+        filming.join()
+        assert problems == []
+        wait_until(lambda: set(threading.enumerate()) <= threads_before, 'no thread')
+        assert not [topic for topic in rospy.topics.get_topic_manager().subs if topic.startswith('/hundred')]
+        assert len(os.listdir('/proc/self/fd')) < files_before + 20   # some, for rospy's calls to other nodes
+
+    def test_publisher_that_ends_takes_everything_with_it_and_can_come_back(self):
+        for _ in range(2):
+            publisher = self.transport.advertise('brief')
+            assert '/brief/compressed/parameter_updates' in dict(rospy.get_published_topics())
+            publisher.shutdown()
+            assert not [topic for topic, _ in rospy.get_published_topics() if topic.startswith('/brief')]
+            assert publisher.get_num_subscribers() == 0
+
+    def test_two_publishers_of_one_topic_in_one_node(self):
+        first, second = self.advertise('shared'), self.advertise('shared')
+        _, messages = self.subscribe('shared')
+        wait_until(lambda: first.get_num_subscribers() == second.get_num_subscribers() == 1, 'connected')
+        for publisher in (first, second):
+            publisher.publish_array(quadrants('bgr8'), 'bgr8')
+            messages.get(timeout=PATIENCE)
+
+    def test_table_of_transports(self):
+        assert self.transport.get_declared_transports() == ['compressed', 'raw']
+        assert image_transport.TRANSPORTS['raw'] is RawTransport
+
+    @staticmethod
+    def end(process):
+        with contextlib.suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGCONT)
+        process.terminate()
+        process.wait(PATIENCE)
+
+
+if __name__ == '__main__':
+    rospy.init_node('test_image_transport')
+    rostest.rosrun('rvc_features', 'image_transport', ImageTransportTest)
