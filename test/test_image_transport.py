@@ -141,9 +141,9 @@ class ImageTransportTest(unittest.TestCase):
                 np.testing.assert_array_equal(to_array(message, 'passthrough'), array)
 
     def test_quadrants_as_the_cpp_plugin_writes_them(self):
-        subscriber, messages = self.subscribe('plugin', transport_hints=COMPRESSED)
+        _, messages = self.subscribe('plugin', transport_hints=COMPRESSED)
         publisher = self.plain_publisher('plugin/compressed', CompressedImage)
-        wait_until(lambda: subscriber.get_num_publishers() == 1, 'connected')
+        wait_until(lambda: publisher.get_num_connections() == 1, 'connected')
         for extension, kind in (('.jpg', 'jpeg'), ('.png', 'png')):
             for encoding in ENCODINGS:
                 if kind == 'jpeg' and encoding in ('mono16', 'bayer_rggb8'):
@@ -328,7 +328,7 @@ class ImageTransportTest(unittest.TestCase):
     def test_bad_messages_are_counted_reported_and_skipped(self):
         subscriber, messages = self.subscribe('bad', transport_hints=COMPRESSED, queue_size=100)
         publisher = self.plain_publisher('bad/compressed', CompressedImage)
-        wait_until(lambda: subscriber.get_num_publishers() == 1, 'connected')
+        wait_until(lambda: publisher.get_num_connections() == 1, 'connected')
         jpeg, png = (cv2.imencode(kind, quadrants('bgr8'))[1].tobytes() for kind in ('.jpg', '.png'))
         grey = cv2.imencode('.jpg', quadrants('mono8'))[1].tobytes()
         bad = [('jpeg', b''), ('jpeg', b'\xff\xd8\xff' + bytes(500)), ('jpeg', jpeg[:-100]), ('png', png[:-40]),

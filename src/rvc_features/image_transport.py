@@ -34,8 +34,9 @@ from rvc_features.reconfigure import ReconfigureServer
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 
-# More than a message: what rospy reads at once. With less, old frames wait in the socket although queue_size is 1.
-_BUFFER_SIZE = 1 << 24
+# How much rospy reads at once where a callback may be slow: more than a message, or old frames wait in the socket
+# although queue_size is 1. It costs a tenth of the time of large images, so callbacks that only store do without.
+_LARGE_BUFFER = 1 << 24
 
 
 @dataclasses.dataclass(frozen=True)
@@ -95,8 +96,8 @@ class ImageTransport:
             How many messages may wait for the callback before the oldest is dropped; 0 for any number.
         transport_hints : TransportHints, optional
         decode : bool
-            False: `callback` takes the transport's own message untouched. `image_messages.to_array` decodes it, in
-            a thread and at a time of the caller's choice.
+            False: `callback` takes the transport's own message untouched, and should only put it where a thread of
+            the caller's finds the newest; `image_messages.to_array` decodes it there.
 
         Raises
         ------
@@ -179,7 +180,8 @@ class Subscriber:
         _warn_of_transport_in(self._base_topic)
         self._subscriber = rospy.Subscriber(
             self._transport.topic(self._base_topic), self._transport.message_class, self._receive,
-            queue_size=queue_size or None, buff_size=_BUFFER_SIZE, tcp_nodelay=hints.tcp_nodelay)
+            queue_size=queue_size or None, buff_size=_LARGE_BUFFER if decode else rospy.topics.DEFAULT_BUFF_SIZE,
+            tcp_nodelay=hints.tcp_nodelay)
 
     def get_num_publishers(self) -> int:
         """How many publishers the subscriber is connected to."""
