@@ -183,6 +183,17 @@ class ImageTransportTest(unittest.TestCase):
             np.testing.assert_allclose(corners(to_array(kind().deserialize(message._buff))),
                                        corners(quadrants('bgr8')), atol=3)
 
+    def test_republish(self):
+        _, messages = self.subscribe('packed_again', transport_hints=COMPRESSED)
+        publisher = self.advertise('packed', transports=['compressed'])
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'both republishers connected, as somebody listens')
+        publisher.publish_array(quadrants('rgb8'), 'rgb8', Header(0, None, 'twice'))
+        message = messages.get(timeout=PATIENCE)
+        assert (message.encoding, message.header.frame_id) == ('rgb8', 'twice')
+        np.testing.assert_allclose(corners(to_array(message, 'passthrough')), corners(quadrants('rgb8')), atol=5)
+        published = dict(rospy.get_published_topics())
+        assert {'/unpacked', '/packed', '/packed_again'} & set(published) == {'/unpacked'}
+
     # Names and parameters -----------------------------------------------------------------------------------------
 
     def test_names_are_resolved_before_anything_is_appended(self):
@@ -213,6 +224,8 @@ class ImageTransportTest(unittest.TestCase):
             rospy.set_param('~image_transport', transport)
             with pytest.raises(ValueError, match=re.escape(f'{transport!r}; there are compressed, raw')):
                 self.subscribe('unknown')
+            with pytest.raises(ValueError, match=re.escape(f'{transport!r}; there are compressed, raw')):
+                self.advertise('unknown', transports=[transport])
         rospy.delete_param('~image_transport')
 
     def test_warning_for_a_topic_of_one_transport(self):

@@ -13,7 +13,7 @@ from __future__ import annotations
 import dataclasses
 import threading
 from abc import ABC, abstractmethod
-from typing import Any, Callable, ClassVar
+from typing import Any, Callable, ClassVar, Iterable
 
 import numpy as np
 import rosgraph.names
@@ -67,8 +67,9 @@ class ImageTransport:
 
     def advertise(self, base_topic: str, queue_size: int = 1, latch: bool = False,
                   subscriber_connected: Callable[[], Any] | None = None,
-                  subscriber_disconnected: Callable[[], Any] | None = None) -> Publisher:
-        """Announce an image topic, in every transport there is.
+                  subscriber_disconnected: Callable[[], Any] | None = None,
+                  transports: Iterable[str] | None = None) -> Publisher:
+        """Announce an image topic, in every transport that is not turned off.
 
         Parameters
         ----------
@@ -79,8 +80,18 @@ class ImageTransport:
             Keep the last image for those who subscribe later.
         subscriber_connected, subscriber_disconnected : callable, optional
             Called with no arguments, in threads of rospy that hold its locks: setting an event is all they should do.
+        transports : iterable of str, optional
+            Only these; default: all but those in the parameter <base_topic>/disable_pub_plugins.
+
+        Raises
+        ------
+        ValueError
+            When a transport is unknown.
         """
-        return Publisher(base_topic, queue_size, latch, subscriber_connected, subscriber_disconnected)
+        base_topic = rospy.resolve_name(base_topic)
+        names = _enabled_transports(base_topic) if transports is None else transports
+        return Publisher(base_topic, [_transport(name) for name in names], queue_size, latch, subscriber_connected,
+                         subscriber_disconnected)
 
     def subscribe(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int = 1,
                   transport_hints: TransportHints | None = None, decode: bool = True) -> Subscriber:
@@ -104,7 +115,9 @@ class ImageTransport:
         ValueError
             When the transport is unknown.
         """
-        return Subscriber(base_topic, callback, queue_size, transport_hints or TransportHints(), decode)
+        hints = transport_hints or TransportHints()
+        return Subscriber(rospy.resolve_name(base_topic), callback, queue_size, _transport(hints.get_transport()),
+                          hints.tcp_nodelay, decode)
 
     def get_declared_transports(self) -> list[str]:
         """Names of all transports."""
@@ -117,14 +130,14 @@ class Publisher:
     An image is encoded at most once for each transport, and only for those that somebody listens to.
     """
 
-    def __init__(self, base_topic: str, queue_size: int, latch: bool, subscriber_connected: Callable[[], Any] | None,
+    def __init__(self, base_topic: str, transports: list[Transport], queue_size: int, latch: bool,
+                 subscriber_connected: Callable[[], Any] | None,
                  subscriber_disconnected: Callable[[], Any] | None) -> None:
-        self._base_topic = rospy.resolve_name(base_topic)
+        self._base_topic = base_topic
         self._latch = latch
-        disabled = _disabled_transports(self._base_topic)
         self._outlets = [
-            _Outlet(transport(), self._base_topic, queue_size, latch, subscriber_connected, subscriber_disconnected)
-            for name, transport in TRANSPORTS.items() if name not in disabled]
+            _Outlet(transport, base_topic, queue_size, latch, subscriber_connected, subscriber_disconnected)
+            for transport in transports]
 
     @property
     def errors(self) -> int:
@@ -167,21 +180,18 @@ class Publisher:
 class Subscriber:
     """A subscription to an image topic; made by `ImageTransport.subscribe`."""
 
-    def __init__(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int, hints: TransportHints,
-                 decode: bool) -> None:
-        name = hints.get_transport()
-        if not isinstance(name, str) or name not in TRANSPORTS:
-            raise ValueError(f'unknown image transport {name!r}; there are {", ".join(sorted(TRANSPORTS))}')
+    def __init__(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int, transport: Transport,
+                 tcp_nodelay: bool, decode: bool) -> None:
         self.errors = 0   # messages that could not be decoded
-        self._base_topic = rospy.resolve_name(base_topic)
-        self._transport = TRANSPORTS[name]()
+        self._base_topic = base_topic
+        self._transport = transport
         self._callback: Callable[[Any], Any] | None = callback
         self._decode = decode
         _warn_of_transport_in(self._base_topic)
         self._subscriber = rospy.Subscriber(
             self._transport.topic(self._base_topic), self._transport.message_class, self._receive,
             queue_size=queue_size or None, buff_size=_LARGE_BUFFER if decode else rospy.topics.DEFAULT_BUFF_SIZE,
-            tcp_nodelay=hints.tcp_nodelay)
+            tcp_nodelay=tcp_nodelay)
 
     def get_num_publishers(self) -> int:
         """How many publishers the subscriber is connected to."""
@@ -365,14 +375,20 @@ def _num_connections(topic: rospy.topics.Topic) -> int:
     return len(topic.impl.connections) if topic.impl is not None else 0
 
 
-def _disabled_transports(base_topic: str) -> set[str]:
-    """Transports that <base_topic>/disable_pub_plugins turns off; it lists names like image_transport/compressed."""
+def _transport(name: Any) -> Transport:
+    if not isinstance(name, str) or name not in TRANSPORTS:
+        raise ValueError(f'unknown image transport {name!r}; there are {", ".join(sorted(TRANSPORTS))}')
+    return TRANSPORTS[name]()
+
+
+def _enabled_transports(base_topic: str) -> list[str]:
+    """All but those that <base_topic>/disable_pub_plugins lists, by names like image_transport/compressed."""
     parameter = f'{base_topic}/disable_pub_plugins'
-    plugins = rospy.get_param(parameter, [])
-    if not isinstance(plugins, list):
-        rospy.logwarn(f'{parameter} must be a list such as [image_transport/compressed]; got {plugins!r}')
-        return set()
-    return {str(plugin).replace('image_transport/', '', 1) for plugin in plugins}
+    disabled = rospy.get_param(parameter, [])
+    if not isinstance(disabled, list):
+        rospy.logwarn(f'{parameter} must be a list such as [image_transport/compressed]; got {disabled!r}')
+        disabled = []
+    return [name for name in TRANSPORTS if f'image_transport/{name}' not in disabled]
 
 
 def _warn_of_transport_in(base_topic: str) -> None:
