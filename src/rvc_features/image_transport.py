@@ -317,8 +317,8 @@ class _Outlet(rospy.SubscribeListener):
         self.errors = 0
         self._transport = transport
         self._latch = latch
-        self._last: sensor_msgs.msg.Image | None = None   # latched
-        self._encoded: tuple[Any, Any] = (None, None)     # an image and what it was encoded to
+        self._last: sensor_msgs.msg.Image | None = None      # latched
+        self._last_encoded: tuple[Any, Any] = (None, None)   # an image and what it was encoded to
         self._connected, self._disconnected = subscriber_connected, subscriber_disconnected
         self._sending = threading.Lock()   # rospy has none for sending to a single subscriber
         self._topic = transport.topic(base_topic)
@@ -332,20 +332,29 @@ class _Outlet(rospy.SubscribeListener):
         if self._latch:
             self._last = image   # before looking for subscribers: one that comes in between finds it
         if self.get_num_subscribers() > 0:
-            self._send(image, self._publisher.publish)
+            message = self._encoded(image)
+            if message is not None:
+                with self._sending:
+                    if self._publisher.impl is not None:   # not shut down by another thread meanwhile
+                        self._publisher.publish(message)
 
     def get_num_subscribers(self) -> int:
         return _num_connections(self._publisher)
 
     def shutdown(self) -> None:
-        self._publisher.unregister()
+        with self._sending:
+            self._last = None
+            self._publisher.unregister()
         self._transport.stop_publishing()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
         """Called by rospy, in the thread that accepts connections."""
         last = self._last
-        if last is not None:
-            self._send(last, peer_publish)
+        message = None if last is None else self._encoded(last)
+        if message is not None:
+            with self._sending:
+                if self._last is last:   # or else a newer one comes to this subscriber as to all
+                    peer_publish(message)
         if self._connected is not None:
             self._connected()
 
@@ -354,20 +363,20 @@ class _Outlet(rospy.SubscribeListener):
         if self._disconnected is not None:
             self._disconnected()
 
-    def _send(self, image: sensor_msgs.msg.Image, publish: Callable[[Any], Any]) -> None:
-        encoded_from, message = self._encoded
-        if encoded_from is not image:
-            try:
-                message = self._transport.encode(image)
-            except ImageError as error:
-                self.errors += 1
-                rospy.logwarn_throttle(_WARNING_PERIOD,
-                                       f'{self._topic}: image not sent, {self.errors} so far: {error}')
-                return
-            if self._latch:
-                self._encoded = image, message
-        with self._sending:
-            publish(message)
+    def _encoded(self, image: sensor_msgs.msg.Image) -> Any:
+        """The transport's message; None where there is none, which is counted and reported."""
+        source, message = self._last_encoded
+        if source is image:
+            return message
+        try:
+            message = self._transport.encode(image)
+        except ImageError as error:
+            self.errors += 1
+            rospy.logwarn_throttle(_WARNING_PERIOD, f'{self._topic}: image not sent, {self.errors} so far: {error}')
+            return None
+        if self._latch:
+            self._last_encoded = image, message
+        return message
 
 
 def _num_connections(topic: rospy.topics.Topic) -> int:
