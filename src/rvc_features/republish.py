@@ -18,6 +18,8 @@ import rospy
 
 from rvc_features.image_transport import TRANSPORTS, ImageTransport, Subscriber, TransportHints
 
+_PATIENCE = 1.0   # seconds until the node notices that it has been told to end
+
 
 class Republisher:
     """Between the topics `in` and `out`."""
@@ -34,7 +36,6 @@ class Republisher:
 
     def run(self) -> None:
         """Subscribe while somebody listens; returns when the node is told to end."""
-        rospy.on_shutdown(self._listeners_changed.set)
         while not rospy.is_shutdown():
             wanted = self.publisher.get_num_subscribers() > 0
             if wanted and self.subscriber is None:
@@ -42,7 +43,7 @@ class Republisher:
             elif not wanted and self.subscriber is not None:
                 self.subscriber.shutdown()
                 self.subscriber = None
-            self._listeners_changed.wait()
+            self._listeners_changed.wait(_PATIENCE)
             self._listeners_changed.clear()
 
 
