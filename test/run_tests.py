@@ -91,7 +91,8 @@ def main(names):
     counts = Counts()
     steps = {'style': lambda folder: check(counts, ['ruff', 'check', '--no-cache', '.']),
              'types': lambda folder: check(counts, ['mypy', '--cache-dir', os.devnull]),
-             'catkin_lint': lambda folder: check(counts, ['catkin_lint', '-W2', '--strict', '--ignore', 'package_path_name', str(ROOT)]),
+             'catkin_lint': lambda folder: check(counts, ['catkin_lint', '-W2', '--strict',
+                                                          '--ignore', 'package_path_name', str(ROOT)]),
              'launch_files': lambda folder: launch_files(counts, folder),
              'units': lambda folder: units(counts, folder)}
     steps.update({name: lambda folder, name=name: rostest(counts, folder, name) for name in ROSTESTS})

@@ -6,7 +6,7 @@ from pathlib import Path
 
 SOURCE = Path(__file__).resolve().parents[2] / 'src'
 ROS_HALF = {'bags', 'demo', 'feature_detector_node', 'image_messages', 'image_transport', 'make_bag',
-            'private_master', 'reconfigure'}
+            'private_master', 'reconfigure', 'republish'}
 
 PROGRAM = """
 import importlib, sys
