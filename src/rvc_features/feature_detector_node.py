@@ -35,6 +35,7 @@ import time
 import traceback
 from typing import Any
 
+import numpy as np
 import rospy
 from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
@@ -44,6 +45,7 @@ from rvc_features import detector_config, key_points
 from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
+from rvc_features.heap import keep_large_blocks
 from rvc_features.image_messages import ImageError, to_array, to_image_message
 from rvc_features.image_transport import ImageTransport, Subscriber, TransportHints
 from rvc_features.msg import KeyPoints
@@ -67,6 +69,7 @@ class FeatureDetectorNode:
                                         settle=detector_config.settle)
 
         self.worker = NewestWorker(self.process, 'feature_detector')
+        self._picture = np.empty((0, 0, 3), np.uint8)
         self.subscriber: Subscriber | None = None
         self.image_transport = ImageTransport()
         self._hints = self._known_transport()
@@ -161,7 +164,7 @@ class FeatureDetectorNode:
                 header=message.header, detector=detector.name, width=width, height=height,
                 **{name: found[name] for name in key_points.NAMES}))
         if draw:
-            self.image_publisher.publish_array(draw_key_points(image, found), 'bgr8', message.header)
+            self.image_publisher.publish_array(self._draw(image, found), 'bgr8', message.header)
         if self.response_publisher.get_num_connections() > 0:
             response = detector.response_map(grey)
             if response is None:
@@ -170,6 +173,12 @@ class FeatureDetectorNode:
                 picture = displayable_response(response)
                 self.response_publisher.publish(to_image_message(picture, 'mono8', message.header))
         return len(found)
+
+    def _draw(self, image: np.ndarray, found: np.ndarray) -> np.ndarray:
+        """Draw on one picture that serves frame after frame, for fresh memory costs more than the drawing."""
+        if self._picture.shape[:2] != image.shape[:2]:
+            self._picture = np.empty((*image.shape[:2], 3), np.uint8)
+        return draw_key_points(image, found, self._picture)
 
     def _keep_house(self) -> None:
         """Subscribe while somebody listens, and report once a second (by the wall, whatever /clock does).
@@ -230,6 +239,7 @@ class _Listener(rospy.SubscribeListener):
 
 def main() -> None:
     """Run the node until it is told to end."""
+    keep_large_blocks()
     rospy.init_node('feature_detector')
     FeatureDetectorNode()
     rospy.spin()
