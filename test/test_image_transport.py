@@ -238,6 +238,15 @@ class ImageTransportTest(unittest.TestCase):
                 self.advertise('unknown', transports=[transport])
         rospy.delete_param('~image_transport')
 
+    def test_arguments_that_can_not_be(self):
+        for queue_size in (None, -1, 'one'):
+            with pytest.raises(ValueError, match='queue_size'):
+                self.advertise('unknown', queue_size=queue_size)
+        publisher = self.advertise('strict')
+        for message in (quadrants('bgr8'), CompressedImage(), None):
+            with pytest.raises(TypeError, match=f'sensor_msgs/Image.*{type(message).__name__}'):
+                publisher.publish(message)
+
     def test_warning_for_a_topic_of_one_transport(self):
         with Warnings() as texts:
             self.subscribe('camera/image/compressed')

@@ -254,6 +254,8 @@ def _view(message: Any) -> tuple[np.ndarray, str]:
     row = width * channels * dtype.itemsize
     if height == 0 or width == 0:
         raise ImageError(f'image without pixels: {width} x {height}')
+    if message.encoding in _YUV and width % 2:
+        raise ImageError(f'{message.encoding} has pixels in pairs; got a width of {width}')
     if step < row:
         raise ImageError(f'step is {step}, but {width} pixels of {message.encoding} take {row} bytes')
     data = _buffer(message.data)
@@ -284,7 +286,7 @@ def _decompressed(message: Any, wanted: str) -> tuple[np.ndarray, str]:
     For 'passthrough' that is the encoding which the format string declares; else one from which `wanted` is made at
     the least expense.
     """
-    data = bytes(_buffer(message.data))
+    data = message.data if isinstance(message.data, bytes) else bytes(_buffer(message.data))
     declared, is_rgb = _declared(message.format)
     if data.startswith(_JPEG):
         stored, encoding = _reconciled(message.format, declared, is_rgb, np.dtype(np.uint8), _jpeg_channels(data))

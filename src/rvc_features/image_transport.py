@@ -86,8 +86,10 @@ class ImageTransport:
         Raises
         ------
         ValueError
-            When a transport is unknown.
+            When a transport is unknown, or `queue_size` is not a number (rospy would send synchronously).
         """
+        if not isinstance(queue_size, int) or queue_size < 0:
+            raise ValueError(f'queue_size must be an integer of at least 0; got {queue_size!r}')
         base_topic = rospy.resolve_name(base_topic)
         names = _enabled_transports(base_topic) if transports is None else transports
         return Publisher(base_topic, [_transport(name) for name in names], queue_size, latch, subscriber_connected,
@@ -146,6 +148,8 @@ class Publisher:
 
     def publish(self, message: sensor_msgs.msg.Image) -> None:
         """Send an image to whoever listens."""
+        if getattr(message, '_type', None) != Image._type:
+            raise TypeError(f'publish takes a {Image._type}, publish_array an array; got {type(message).__name__}')
         for outlet in self._outlets:
             outlet.publish(message)
 
