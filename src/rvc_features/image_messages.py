@@ -278,6 +278,7 @@ def _buffer(data: Any) -> memoryview:
 # sensor_msgs/CompressedImage --------------------------------------------------------------------------------------
 
 _JPEG, _PNG = b'\xff\xd8\xff', b'\x89PNG\r\n\x1a\n'   # first bytes
+_MOST_PIXELS = 1 << 27   # above every camera, below what a corrupt header must not make the decoder allocate
 
 
 def _decompressed(message: Any, wanted: str) -> tuple[np.ndarray, str]:
@@ -361,9 +362,10 @@ def _jpeg_channels(data: bytes) -> int:
                 position += 1   # fill bytes are allowed
                 continue
             if 0xFFC0 <= marker <= 0xFFCF and marker not in (0xFFC4, 0xFFC8, 0xFFCC):   # frame header
-                bits, _, _, components = struct.unpack_from('>BHHB', data, position + 4)
+                bits, height, width, components = struct.unpack_from('>BHHB', data, position + 4)
                 if bits != 8:
                     raise ImageError(f'JPEG of {bits} bits; only 8 can be read, PNG has 16')
+                _check_size(width, height)
                 channels = 1 if components == 1 else 3
             position += 2 + length
     except (IndexError, struct.error):
@@ -378,8 +380,15 @@ def _jpeg_channels(data: bytes) -> int:
 def _check_png(data: bytes) -> None:
     """ImageError for a PNG that breaks off: some decoders fill it up with black."""
     position, kind = len(_PNG), b''
+    if len(data) >= 24:
+        _check_size(*struct.unpack_from('>II', data, 16))
     while kind != b'IEND':
         if position + 12 > len(data):
             raise ImageError(f'truncated PNG: no end after {len(data)} bytes')
         length, kind = struct.unpack_from('>I4s', data, position)
         position += 12 + length
+
+
+def _check_size(width: int, height: int) -> None:
+    if width * height > _MOST_PIXELS:
+        raise ImageError(f'corrupt image data: {width} x {height} pixels')

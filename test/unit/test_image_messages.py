@@ -225,6 +225,12 @@ def in_twelve_bits(data):
     return data[:frame + 4] + b'\x0c' + data[frame + 5:]
 
 
+def enormous_jpeg():
+    data = jpeg().data
+    frame = data.index(b'\xff\xc0')
+    return data[:frame + 5] + struct.pack('>HH', 32000, 32000) + data[frame + 9:]
+
+
 def enormous_png():
     header = struct.pack('>4sIIBBBBB', b'IHDR', 2**31 - 1, 2**31 - 1, 8, 2, 0, 0, 0)
     chunks = b''.join(struct.pack('>I', len(chunk) - 4) + chunk + struct.pack('>I', zlib.crc32(chunk))
@@ -248,7 +254,8 @@ BAD = {
     'PNG cut in the signature': (lambda: damaged(png(), data=png().data[:8]), 'truncated PNG'),
     'PNG with changed pixels': (
         lambda: damaged(png(), data=png().data[:60] + b'\0\1\2\3' + png().data[64:]), 'corrupt'),
-    'PNG of four exabytes': (lambda: damaged(png(), data=enormous_png()), 'corrupt'),
+    'PNG of four exabytes': (lambda: damaged(png(), data=enormous_png()), '2147483647 x 2147483647 pixels'),
+    'JPEG of three gigabytes': (lambda: damaged(jpeg(), data=enormous_jpeg()), '32000 x 32000 pixels'),
     'colour said to be grey': (lambda: damaged(jpeg(), format='mono8; jpeg compressed '), 'does not fit'),
     'grey said to be colour': (lambda: damaged(jpeg(quadrants('mono8'))), 'does not fit'),
     '8 bits said to be 16': (lambda: damaged(png(), format='bgr16; png compressed bgr16'), 'does not fit'),
