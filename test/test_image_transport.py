@@ -224,7 +224,7 @@ class ImageTransportTest(unittest.TestCase):
         rospy.set_param('/left/transport', 'raw')
         self.addCleanup(rospy.delete_param, '~image_transport')
         self.addCleanup(rospy.delete_param, '/left/transport')
-        subscriber, _ = self.subscribe('chosen', transport_hints=TransportHints('raw'))
+        subscriber, _ = self.subscribe('chosen', transport_hints='raw')
         assert subscriber.get_transport() == 'compressed'
         subscriber, _ = self.subscribe('chosen', transport_hints=TransportHints('compressed', 'transport', '/left'))
         assert subscriber.get_transport() == 'raw'

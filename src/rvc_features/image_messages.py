@@ -81,14 +81,10 @@ def to_image_message(array: np.ndarray, encoding: str, header: Header | None = N
     ImageError
         When array and encoding do not belong together.
     """
-    dtype, channels = _layout(encoding)
-    shape = array.shape if array.ndim == 3 else (*array.shape, 1)
-    if array.dtype.newbyteorder('=') != dtype or len(shape) != 3 or shape[2] != channels or array.size == 0:
-        raise ImageError(f'{encoding} wants a non-empty {dtype} array of shape (height, width'
-                         f'{f", {channels}" if channels > 1 else ""}); got {array.dtype} {array.shape}')
-    array = np.ascontiguousarray(array, dtype)
-    return Image(Header() if header is None else header, shape[0], shape[1], encoding,
-                 int(sys.byteorder == 'big'), array.nbytes // shape[0], array.data.cast('B'))
+    array = _fitting(array, encoding)
+    height, width = array.shape[:2]
+    return Image(Header() if header is None else header, height, width, encoding, int(sys.byteorder == 'big'),
+                 array.nbytes // height, array.data.cast('B'))
 
 
 def to_compressed_message(array: np.ndarray, encoding: str, header: Header | None = None, format: str = 'jpeg',
@@ -101,7 +97,7 @@ def to_compressed_message(array: np.ndarray, encoding: str, header: Header | Non
     array, encoding, header
         As for `to_image_message`; 8 or 16 bits per channel.
     format : {'jpeg', 'png'}
-        Images of 16 bits become PNG in any case, as JPEG has 8.
+        Images of 16 bits become PNG in any case, as JPEG has 8; where JPEG was wanted, quickly: of level 1.
     jpeg_quality : int, 1 to 100
     jpeg_progressive, jpeg_optimize : bool
     png_level : int, 1 to 9
@@ -114,18 +110,18 @@ def to_compressed_message(array: np.ndarray, encoding: str, header: Header | Non
     """
     if format not in COMPRESSED_FORMATS:
         raise ValueError(f'format must be one of {", ".join(COMPRESSED_FORMATS)}; got {format!r}')
-    dtype, _ = _layout(encoding)
-    if dtype not in (np.uint8, np.uint16):
+    array = _fitting(array, encoding)
+    if array.dtype not in (np.uint8, np.uint16):
         raise ImageError(f'{encoding} images can not be compressed, only those of 8 or 16 unsigned bits')
     if encoding in _YUV:
         array, encoding = _converted(array, encoding, 'bgr8'), 'bgr8'
     encoding = _COLOUR_OF_FOUR.get(encoding, encoding)
-    bits, target = 8 * dtype.itemsize, ''
+    bits, target = 8 * array.dtype.itemsize, ''
     if _letters(encoding) in _COLOURS:
         target = f'bgr{bits}'
         array = _recoloured(array, encoding, target)
-    if bits == 16:
-        format = 'png'
+    if bits == 16 and format == 'jpeg':
+        format, png_level = 'png', 1
     if format == 'jpeg':
         parameters = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality, cv2.IMWRITE_JPEG_PROGRESSIVE, int(jpeg_progressive),
                       cv2.IMWRITE_JPEG_OPTIMIZE, int(jpeg_optimize)]
@@ -200,6 +196,16 @@ def _layout(encoding: str) -> tuple[np.dtype, int]:
     if generic is None:
         raise ImageError(f'unknown encoding {encoding!r}')
     return np.dtype(_DTYPES[generic[1]]), int(generic[2] or 1)
+
+
+def _fitting(array: np.ndarray, encoding: str) -> np.ndarray:
+    """The array in the machine's byte order and without gaps; ImageError where it isn't one of that encoding."""
+    dtype, channels = _layout(encoding)
+    shape = array.shape if array.ndim == 3 else (*array.shape, 1)
+    if array.dtype.newbyteorder('=') != dtype or len(shape) != 3 or shape[2] != channels or array.size == 0:
+        raise ImageError(f'{encoding} wants a non-empty {dtype} array of shape (height, width'
+                         f'{f", {channels}" if channels > 1 else ""}); got {array.dtype} {array.shape}')
+    return np.ascontiguousarray(array, dtype)
 
 
 def _letters(encoding: str) -> str:

@@ -96,7 +96,7 @@ class ImageTransport:
                          subscriber_disconnected)
 
     def subscribe(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int = 1,
-                  transport_hints: TransportHints | None = None, decode: bool = True) -> Subscriber:
+                  transport_hints: TransportHints | str | None = None, decode: bool = True) -> Subscriber:
         """Have `callback` called with each image that arrives.
 
         Parameters
@@ -107,7 +107,8 @@ class ImageTransport:
             Takes a sensor_msgs/Image, whatever the transport is.
         queue_size : int
             How many messages may wait for the callback before the oldest is dropped; 0 for any number.
-        transport_hints : TransportHints, optional
+        transport_hints : TransportHints or str, optional
+            A string is the transport's name.
         decode : bool
             False: `callback` takes the transport's own message untouched, and should only put it where a thread of
             the caller's finds the newest; `image_messages.to_array` decodes it there.
@@ -118,6 +119,8 @@ class ImageTransport:
             When the transport is unknown.
         """
         hints = transport_hints or TransportHints()
+        if isinstance(hints, str):
+            hints = TransportHints(hints)
         return Subscriber(rospy.resolve_name(base_topic), callback, queue_size, _transport(hints.get_transport()),
                           hints.tcp_nodelay, decode)
 
@@ -385,7 +388,8 @@ class _Outlet(rospy.SubscribeListener):
 
 def _num_connections(topic: rospy.topics.Topic) -> int:
     """As topic.get_num_connections, without its lock, which rospy also holds while it announces that one has left."""
-    return len(topic.impl.connections) if topic.impl is not None else 0
+    implementation = topic.impl   # None after unregister
+    return 0 if implementation is None else len(implementation.connections)
 
 
 def _transport(name: Any) -> Transport:

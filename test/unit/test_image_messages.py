@@ -382,8 +382,9 @@ class TestBytes:
         (np.zeros((4, 4), np.float32), 'mono8'), (np.zeros((0, 4), np.uint8), 'mono8'),
         (np.zeros(4, np.uint8), 'mono8'), (np.zeros((4, 4), np.uint8), 'sepia8')])
     def test_array_that_is_not_of_the_encoding(self, array, encoding):
-        with pytest.raises(ImageError, match=encoding):
-            to_image_message(array, encoding)
+        for convert in (to_image_message, to_compressed_message):
+            with pytest.raises(ImageError, match=encoding):
+                convert(array, encoding)
 
     @pytest.mark.parametrize(('array', 'encoding'), [
         (np.zeros((4, 4), np.float32), '32FC1'), (np.zeros((4, 4), np.int8), '8SC1'),
