@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import functools
 import logging
-import threading
+import time
 from typing import Any, Callable
 
 import numpy as np
@@ -39,21 +39,41 @@ def available() -> bool:
     return not _reason_against
 
 
-def response(image: np.ndarray, window_size: int, window: str, harris_k: float,
+def compile_all() -> float:
+    """Compile what a detector needs for uint8 images, or load it from Numba's cache; the seconds it took.
+
+    Without this the first frame waits for it: a few seconds the first time on a machine, a fraction of one later.
+    """
+    start = time.perf_counter()
+    if available():
+        image = np.zeros((40, 40), np.uint8)
+        image[10:, 10:] = 255
+        for window in ('box', 'gaussian'):
+            for derivative_sigma in (0.0, 1.0):
+                map_, _ = response(image, 5, window, 0.04, derivative_sigma)
+        x, y = refine(map_, *local_maxima(map_, 10.0))
+        smoothed_gradients(image, x, y, 2.5)
+        points, responses = np.column_stack((x, y)), np.ones(len(x))
+        strongest_first(responses)
+        suppression_radii(points, significantly_stronger(responses, 0.9), 1)
+    return time.perf_counter() - start
+
+
+def response(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float = 0.0,
              out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """Harris response and its largest value; reference: `response.reference_response`.
 
-    Gradients, their products, the window and the response are computed row by row in one pass. The box window's sums
-    are exact for uint8 and in double precision for float images; the Gaussian window's are in single precision. H is
-    put together in double precision, for A C - B^2 may cancel.
+    Smoothing, gradients, their products, the window and the response are computed row by row in one pass. The box
+    window's sums are exact for uint8 without smoothing and else in double precision; the Gaussian window's are in
+    single precision. H is put together in double precision, for A C - B^2 may cancel.
 
     Parameters
     ----------
-    image : ndarray, uint8, float32 or float64, shape (H, W)
+    image : ndarray, uint8 or float32, shape (H, W)
     window_size : int
         Odd; for the box at most `LARGEST_BOX`.
     window : {'gaussian', 'box'}
-    harris_k : float
+    harris_k, derivative_sigma : float
     out : ndarray, float32, shape (H, W), contiguous, optional
         Where to write the response.
     """
@@ -61,33 +81,36 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float,
     height, width = image.shape
     if out is None:
         out = _aligned((height, width), np.float32)
-    exact = image.dtype == np.uint8
+    exact = image.dtype == np.uint8 and derivative_sigma == 0
     gradient_type = np.int16 if exact else np.float64
     radius = window_size // 2
     lead, stride = _padding(width, radius)
-    smooth = _zeros((2, width + 2), gradient_type)
+    taps = _gaussian_taps(int(np.ceil(4 * derivative_sigma)), derivative_sigma) if derivative_sigma > 0 else _NO_TAPS
+    smoothed = _zeros((5, width + 2 * len(taps)), np.float64)
+    sobel = _zeros((2, width + 2), gradient_type)
     if window == 'box':
         gradients = _zeros((min(height, window_size + 1) + 1, 2, stride), gradient_type)
         sums = _zeros((4, 3 * stride + 64), np.int32 if exact else np.float64)
-        return out, _box_response(image, window_size, harris_k, lead, stride, smooth, gradients, sums, out)
+        return out, _box_response(image, taps, int(window_size), float(harris_k), lead, stride, smoothed, sobel,
+                                  gradients, sums, out)
+    sigma = 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8
     gradients = _zeros((1, 2, stride), gradient_type)
     products = _zeros((min(height, window_size), 3 * stride), np.float32)
     sums = _zeros((2, 3 * stride + 64), np.float32)
-    weights = gaussian_weights(window_size)
-    return out, _gaussian_response(image, weights, harris_k, lead, stride, smooth, gradients, products, sums, out)
+    return out, _gaussian_response(image, taps, _gaussian_taps(radius, sigma).astype(np.float32), float(harris_k),
+                                   lead, stride, smoothed, sobel, gradients, products, sums, out)
 
 
-def gaussian_weights(window_size: int) -> np.ndarray:
-    """Weights of the Gaussian window from its centre outwards, float32, shape (window_size // 2 + 1,)."""
-    sigma = 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8
-    weights = np.exp(-np.arange(window_size // 2 + 1) ** 2 / (2 * sigma ** 2))
-    return (weights / (2 * weights.sum() - weights[0])).astype(np.float32)
+_NO_TAPS = np.zeros(0)
+
+
+def _gaussian_taps(radius: int, sigma: float) -> np.ndarray:
+    """Weights of a Gaussian from its centre outwards, float64, shape (radius + 1,); all of them sum to one."""
+    taps = np.exp(-np.arange(radius + 1) ** 2 / (2 * sigma ** 2))
+    return taps / (2 * taps.sum() - taps[0])
 
 
 # ---- How it is done ----
-
-_lock = threading.Lock()
-
 
 def _kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
     """Numba's decorator with the options of this module; without Numba the function stays as it is."""
@@ -139,28 +162,58 @@ def _reflect(index, length):
 
 
 @_kernel
-def _sobel(image, y, smooth, gradients, slot):
-    """3x3 Sobel gradients of row y into gradients[slot]: first down the columns, then along the row."""
+def _gradients(image, y, taps, smoothed, sobel, gradients, slot):
+    """3x3 Sobel gradients of row y, or of what the taps of a Gaussian make of it, into gradients[slot]."""
     height, width = image.shape
-    above, here, below = image[_reflect(y - 1, height)], image[y], image[_reflect(y + 1, height)]
-    n = np.uint64(width)
-    one, two = np.uint64(1), np.uint64(2)
-    kind = smooth.dtype.type
-    for i in range(n):
-        smooth[0, i + one] = kind(above[i]) + kind(2) * kind(here[i]) + kind(below[i])
-    for i in range(n):
-        smooth[1, i + one] = kind(below[i]) - kind(above[i])
-    for part in range(2):
-        smooth[part, 0] = smooth[part, min(2, width)]
-        smooth[part, width + 1] = smooth[part, max(width - 1, 1)]
-    for i in range(n):
-        gradients[slot, 0, i] = smooth[0, i + two] - smooth[0, i]
-    for i in range(n):
-        gradients[slot, 1, i] = smooth[1, i] + kind(2) * smooth[1, i + one] + smooth[1, i + two]
+    above, below = _reflect(y - 1, height), _reflect(y + 1, height)
+    if len(taps) == 0:
+        _sobel(image[above], image[y], image[below], sobel, gradients, slot)
+        return
+    if y == 0:
+        _smooth_row(image, 0, taps, smoothed)
+    if y + 1 < height:
+        _smooth_row(image, y + 1, taps, smoothed)
+    _sobel(smoothed[above % 3, :width], smoothed[y % 3, :width], smoothed[below % 3, :width], sobel, gradients, slot)
 
 
 @_kernel
-def _box_response(image, window_size, harris_k, lead, stride, smooth, gradients, sums, out):
+def _smooth_row(image, y, taps, smoothed):
+    """Row y of the smoothed image into smoothed[y % 3]; the last two rows are for what is on the way."""
+    height, width = image.shape
+    radius = len(taps) - 1
+    rows = np.empty(2 * radius + 1, np.int64)
+    for j in range(2 * radius + 1):
+        rows[j] = _reflect(y + j - radius, height)
+    column = smoothed[3]
+    _weigh_rows(image, rows, taps, radius, width, column)
+    for j in range(1, radius + 1):
+        column[radius - j] = column[radius + _reflect(j, width)]
+        column[radius + width - 1 + j] = column[radius + _reflect(width - 1 + j, width)]
+    _weigh_neighbours(column, radius, taps, width, smoothed[y % 3])
+
+
+@_kernel
+def _sobel(above, here, below, sobel, gradients, slot):
+    """First down the columns, then along the row."""
+    width = len(here)
+    n = np.uint64(width)
+    one, two = np.uint64(1), np.uint64(2)
+    kind = sobel.dtype.type
+    for i in range(n):
+        sobel[0, i + one] = kind(above[i]) + kind(2) * kind(here[i]) + kind(below[i])
+    for i in range(n):
+        sobel[1, i + one] = kind(below[i]) - kind(above[i])
+    for part in range(2):
+        sobel[part, 0] = sobel[part, min(2, width)]
+        sobel[part, width + 1] = sobel[part, max(width - 1, 1)]
+    for i in range(n):
+        gradients[slot, 0, i] = sobel[0, i + two] - sobel[0, i]
+    for i in range(n):
+        gradients[slot, 1, i] = sobel[1, i] + kind(2) * sobel[1, i + one] + sobel[1, i + two]
+
+
+@_kernel
+def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, sobel, gradients, sums, out):
     """Running sums down the columns, sums of neighbours along the row; A, B and C lie one after the other."""
     height, width = image.shape
     radius = window_size // 2
@@ -171,7 +224,7 @@ def _box_response(image, window_size, harris_k, lead, stride, smooth, gradients,
     done = 0
     for y in range(height):
         while done <= min(height - 1, y + radius):
-            _sobel(image, done, smooth, gradients, done % slots)
+            _gradients(image, done, taps, smoothed, sobel, gradients, done % slots)
             done += 1
         if y == 0:
             for j in range(-radius, radius + 1):
@@ -291,7 +344,7 @@ def _combine(windows, stride, harris_k, scale, out, largest):
 
 
 @_kernel
-def _gaussian_response(image, weights, harris_k, lead, stride, smooth, gradients, products, sums, out):
+def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, sobel, gradients, products, sums, out):
     """The same with weighted sums; products of the rows a window covers are kept in turn."""
     height, width = image.shape
     radius = len(weights) - 1
@@ -302,7 +355,7 @@ def _gaussian_response(image, weights, harris_k, lead, stride, smooth, gradients
     done = 0
     for y in range(height):
         while done <= min(height - 1, y + radius):
-            _sobel(image, done, smooth, gradients, 0)
+            _gradients(image, done, taps, smoothed, sobel, gradients, 0)
             _multiply(gradients, width, stride, products, done % slots)
             done += 1
         for j in range(2 * radius + 1):
@@ -333,33 +386,37 @@ def _weigh_rows(rows, slot, weights, lead, count, out):
     to = np.uint64(lead)
     r = len(weights) - 1
     c, w0 = slot[r], weights[0]
+    kind = weights.dtype.type
     first = r % 4
     if first == 0:
         for i in range(n):
-            out[to + i] = w0 * rows[c, i]
+            out[to + i] = w0 * kind(rows[c, i])
     else:
         a1, b1, w1 = slot[r - 1], slot[r + 1], weights[1]
         if first == 1:
             for i in range(n):
-                out[to + i] = w0 * rows[c, i] + w1 * (rows[a1, i] + rows[b1, i])
+                out[to + i] = w0 * kind(rows[c, i]) + w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
         else:
             a2, b2, w2 = slot[r - 2], slot[r + 2], weights[2]
             if first == 2:
                 for i in range(n):
-                    out[to + i] = (w0 * rows[c, i] + w1 * (rows[a1, i] + rows[b1, i])
-                                   + w2 * (rows[a2, i] + rows[b2, i]))
+                    out[to + i] = (w0 * kind(rows[c, i]) + w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
+                                   + w2 * (kind(rows[a2, i]) + kind(rows[b2, i])))
             else:
                 a3, b3, w3 = slot[r - 3], slot[r + 3], weights[3]
                 for i in range(n):
-                    out[to + i] = (w0 * rows[c, i] + w1 * (rows[a1, i] + rows[b1, i])
-                                   + w2 * (rows[a2, i] + rows[b2, i]) + w3 * (rows[a3, i] + rows[b3, i]))
+                    out[to + i] = (w0 * kind(rows[c, i]) + w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
+                                   + w2 * (kind(rows[a2, i]) + kind(rows[b2, i]))
+                                   + w3 * (kind(rows[a3, i]) + kind(rows[b3, i])))
     for j in range(first + 1, r + 1, 4):
         a1, a2, a3, a4 = slot[r - j], slot[r - j - 1], slot[r - j - 2], slot[r - j - 3]
         b1, b2, b3, b4 = slot[r + j], slot[r + j + 1], slot[r + j + 2], slot[r + j + 3]
         w1, w2, w3, w4 = weights[j], weights[j + 1], weights[j + 2], weights[j + 3]
         for i in range(n):
-            out[to + i] += (w1 * (rows[a1, i] + rows[b1, i]) + w2 * (rows[a2, i] + rows[b2, i])
-                            + w3 * (rows[a3, i] + rows[b3, i]) + w4 * (rows[a4, i] + rows[b4, i]))
+            out[to + i] += ((w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
+                             + w2 * (kind(rows[a2, i]) + kind(rows[b2, i])))
+                            + (w3 * (kind(rows[a3, i]) + kind(rows[b3, i]))
+                               + w4 * (kind(rows[a4, i]) + kind(rows[b4, i]))))
 
 
 @_kernel(fastmath={'contract'})
@@ -573,7 +630,7 @@ def strongest_first(values: np.ndarray) -> np.ndarray:
 
 @_kernel
 def _order_of_keys(keys):
-    """Stable radix sort: indices that bring keys (uint64) into rising order. A digit that never changes costs little."""
+    """Stable radix sort: indices that bring keys (uint64) into rising order. An unchanging digit costs little."""
     size = len(keys)
     order = np.arange(size)
     if size < 64:

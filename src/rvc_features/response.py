@@ -77,9 +77,7 @@ def response_and_maximum(image: np.ndarray, window_size: int, window: str, harri
     if not _fits_kernel(image, window_size, window):
         response = reference_response(image, window_size, window, harris_k, derivative_sigma)
         return response, float(response.max())
-    if derivative_sigma > 0:
-        image = smoothed(image.astype(np.float64), derivative_sigma)
-    return kernels.response(image, window_size, window, harris_k, out)
+    return kernels.response(image, window_size, window, harris_k, derivative_sigma, out)
 
 
 def reference_response(image: np.ndarray, window_size: int, window: str, harris_k: float,
@@ -87,7 +85,8 @@ def reference_response(image: np.ndarray, window_size: int, window: str, harris_
     """`harris_response` as the exercise sheet writes it, step by step; arguments are taken as checked."""
     image = image.astype(np.float64)
     if derivative_sigma > 0:
-        image = smoothed(image, derivative_sigma)
+        side = 2 * int(np.ceil(4 * derivative_sigma)) + 1
+        image = cv2.GaussianBlur(image, (side, side), derivative_sigma, borderType=BORDER)
 
     gradient_x = cv2.Sobel(image, cv2.CV_64F, 1, 0, ksize=3, borderType=BORDER)
     gradient_y = cv2.Sobel(image, cv2.CV_64F, 0, 1, ksize=3, borderType=BORDER)
@@ -98,12 +97,6 @@ def reference_response(image: np.ndarray, window_size: int, window: str, harris_
 
     response = a * c - b * b - harris_k * (a + c) ** 2
     return response.astype(np.float32)
-
-
-def smoothed(image: np.ndarray, sigma: float) -> np.ndarray:
-    """The image under a Gaussian that reaches four standard deviations to each side."""
-    side = 2 * int(np.ceil(4 * sigma)) + 1
-    return cv2.GaussianBlur(image, (side, side), sigma, borderType=BORDER)
 
 
 def window_average(values: np.ndarray, window_size: int, window: str) -> np.ndarray:

@@ -1,0 +1,230 @@
+"""Each compiled kernel against the reference beside it; and that nothing needs them."""
+
+import json
+import os
+import subprocess
+import sys
+import textwrap
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import texture
+
+from rvc_features import filters, kernels, maxima, orientation
+from rvc_features.harris_detector import HarrisDetector
+from rvc_features.response import harris_response, reference_response, response_and_maximum
+
+compiled = pytest.mark.skipif(not kernels.available(), reason='Numba is not installed')
+
+random = np.random.default_rng(0)
+ALL_WINDOWS = range(3, 33, 2)
+SHAPES = [(1, 1), (1, 50), (50, 1), (2, 3), (5, 4), (33, 31), (40, 200)]
+
+
+def images(shape):
+    y, x = np.indices(shape)
+    yield 'noise', random.integers(0, 256, shape, np.uint8)
+    yield 'binary noise', random.integers(0, 2, shape, np.uint8) * np.uint8(255)
+    yield 'low contrast', random.integers(200, 203, shape, np.uint8)
+    yield 'pixel checkerboard', ((x + y) % 2 * 255).astype(np.uint8)
+    yield 'stripes', ((x + y) // 2 % 2 * 255).astype(np.uint8)
+    yield 'white', np.full(shape, 255, np.uint8)
+    yield 'float', random.normal(100, 30, shape).astype(np.float32)
+    yield 'float, far from zero', (1e4 + random.normal(0, 1, shape)).astype(np.float32)
+
+
+def assert_equal_response(response, expected):
+    assert np.abs(response - expected).max() <= 1e-5 * np.abs(expected).max()
+
+
+@compiled
+@pytest.mark.parametrize('derivative_sigma', [0.0, 0.7, 2.0])
+@pytest.mark.parametrize('window', ['box', 'gaussian'])
+@pytest.mark.parametrize('shape', SHAPES)
+def test_response_kernel_equals_reference(shape, window, derivative_sigma):
+    for _, image in images(shape):
+        for window_size in ALL_WINDOWS if shape == (40, 200) else (3, 9, 31):
+            expected = reference_response(image, window_size, window, 0.04, derivative_sigma)
+            response, largest = kernels.response(image, window_size, window, 0.04, derivative_sigma)
+            assert_equal_response(response, expected)
+            assert largest == response.max()
+
+
+@compiled
+@pytest.mark.parametrize('window_size', [33, 45])
+def test_widest_boxes_of_the_kernel_do_not_overflow(window_size):
+    columns = np.indices((60, 80))[1] // 2 % 2 * 255   # the steepest gradients there are, everywhere
+    response, _ = kernels.response(columns.astype(np.uint8), window_size, 'box', 0.04)
+    assert_equal_response(response, reference_response(columns.astype(np.uint8), window_size, 'box', 0.04, 0.0))
+
+
+@pytest.mark.parametrize('window', ['box', 'gaussian'])
+def test_windows_beyond_the_kernel(window):
+    image = texture((70, 90))
+    assert_equal_response(harris_response(image, 61, window), reference_response(image, 61, window, 0.04, 0.0))
+
+
+@compiled
+def test_edge_without_trace_term_has_no_response_inside():
+    """A C - B^2 cancels on a straight edge: in single precision something would be left over."""
+    image = np.tril(np.full((64, 64), 255, np.uint8))
+    response, _ = kernels.response(image, 5, 'box', 0.0)
+    assert not response[20:44, 20:44].any()
+
+
+def test_response_writes_where_it_is_told():
+    image, out = texture((60, 80)), np.empty((60, 80), np.float32)
+    response, largest = response_and_maximum(image, 5, 'gaussian', 0.04, 0.0, out)
+    assert np.array_equal(response, harris_response(image, 5))
+    assert largest == response.max()
+
+
+def test_responses_handed_out_are_not_overwritten():
+    detector = HarrisDetector()
+    image, other = texture((60, 80)), texture((60, 80), seed=9)
+    response, found = detector.response_map(image), detector.detect_arrays(image)
+    kept = response.copy(), found.copy()
+    detector.response_map(other)
+    detector.detect_arrays(other)
+    assert np.array_equal(response, kept[0])
+    assert np.array_equal(found, kept[1])
+
+
+@compiled
+@pytest.mark.parametrize('shape', [*SHAPES, (8, 8), (17, 16), (120, 161)])
+def test_maxima_kernels_equal_reference(shape):
+    for response in (random.normal(0, 1, shape), random.integers(0, 4, shape), np.ones(shape)):
+        response = response.astype(np.float32)
+        for minimum in (-5.0, 0.5, 2.0):
+            found = kernels.local_maxima(response, minimum)
+            assert np.array_equal(found, maxima.reference_local_maxima(response, minimum))
+            assert np.array_equal(kernels.refine(response, *found), maxima.reference_refine(response, *found))
+
+
+@compiled
+@pytest.mark.parametrize('sigma', [0.3, 0.6, 1.0, 2.5, 20.0])
+def test_orientation_kernel_equals_reference(sigma):
+    image = texture((50, 60))
+    x, y = random.uniform(0, 59, 200), random.uniform(0, 49, 200)
+    gradients = np.array(kernels.smoothed_gradients(image, x, y, sigma))
+    expected = np.array(orientation.reference_gradients(image, x, y, sigma))
+    assert np.abs(gradients - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+def test_flat_image_has_no_gradient_anywhere():
+    image = np.full((20, 20), 97, np.uint8)
+    assert not orientation.gradient_orientation(image, np.array([0.3, 10.2]), np.array([4.7, 19.0]), 2.5).any()
+
+
+def point_sets(count):
+    yield 'uniform', random.uniform(0, 640, (count, 2))
+    yield 'whole pixels', random.integers(0, 20, (count, 2)).astype(float)
+    yield 'line', np.column_stack((np.arange(count) * 1.0, np.zeros(count)))
+    yield 'one place', np.full((count, 2), 3.0)
+    yield 'clusters', np.concatenate([random.normal(random.uniform(0, 2000, 2), 10.0 ** -scale, (count // 5 + 1, 2))
+                                      for scale in range(5)])[:count]
+    yield 'clusters far too fine', np.concatenate(([[1e6, -1e6]], random.normal(0, 1e-9, (count // 2, 2)),
+                                                   random.normal(5, 1e-3, (count, 2))))[:count]
+    yield 'duplicates', np.repeat(random.uniform(0, 99, (count // 5 + 1, 2)), 5, axis=0)[:count]
+    yield 'beyond any scale', random.uniform(-1, 1, (count, 2)) * 1e200
+
+
+@compiled
+@pytest.mark.parametrize('robustness', [0.9, 1.0, 0.2])
+@pytest.mark.parametrize('count', [1, 2, 8, 9, 17, 100, 900])
+@pytest.mark.filterwarnings('ignore:overflow')
+def test_suppression_kernel_equals_reference(count, robustness):
+    for name, points in point_sets(count):
+        for responses in (random.exponential(100, count), random.integers(1, 9, count) * 1.0, np.ones(count),
+                          np.geomspace(1e6, 1, count), -random.exponential(1, count)):
+            order = np.argsort(-responses, kind='stable')
+            assert np.array_equal(kernels.strongest_first(responses), order)
+            falling = responses[order]
+            stronger = filters.reference_stronger(falling, robustness)
+            assert np.array_equal(kernels.significantly_stronger(falling, robustness), stronger)
+            radii = filters.reference_radii(points[order], stronger)
+            assert np.array_equal(kernels.suppression_radii(points[order], stronger, count), radii), name
+            for chosen in (1, 5, count // 2):
+                expected = order[np.argsort(-radii, kind='stable')[:chosen]]
+                found = filters.adaptive_non_maximal_suppression(points, responses, chosen, robustness)
+                assert np.array_equal(found, expected), name
+
+
+@compiled
+def test_sorting_kernel_takes_any_double():
+    values = np.array([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1.0, 1.0, -1.0] * 20)
+    assert np.array_equal(kernels.strongest_first(values), np.argsort(-values, kind='stable'))
+
+
+def test_one_detector_in_many_threads():
+    """Images of two sizes, so that a map shared between threads would be noticed."""
+    detector = HarrisDetector(octaves=2, fixed_number_of_points=True)
+    frames = [texture((90, 120), seed=1), texture((120, 90), seed=2), texture((90, 120), seed=3)]
+    expected = [detector.detect_arrays(frame) for frame in frames]
+    wrong = []
+
+    def work(which):
+        for _ in range(20):
+            if not np.array_equal(detector.detect_arrays(frames[which]), expected[which]):
+                wrong.append(which)
+
+    threads = [threading.Thread(target=work, args=(i % 3,)) for i in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert not wrong
+
+
+DETECT = '''
+    import logging, sys
+    logging.basicConfig(format='%(name)s %(levelname)s %(message)s', stream=sys.stdout)
+    import numpy as np
+    from rvc_features import kernels
+    from rvc_features.harris_detector import HarrisDetector
+    image = np.kron(np.random.default_rng(0).integers(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8)
+    for options in ({}, {'anms': True, 'anms_points': 40}, {'octaves': 2, 'fixed_number_of_points': True}):
+        found = HarrisDetector(**options).detect_arrays(image)
+        print(np.column_stack((found['x'], found['y'], found['angle'])).tolist())
+    print('available', kernels.available(), kernels.compile_all() >= 0)
+'''
+
+
+def run(code, **environment):
+    source = str(Path(kernels.__file__).parents[1])
+    result = subprocess.run([sys.executable, '-c', textwrap.dedent(code)], stdout=subprocess.PIPE,
+                            env={**os.environ, 'PYTHONPATH': source, **environment}, check=True)
+    return result.stdout.decode().splitlines()
+
+
+def test_without_numba_the_same_points_and_one_line_in_the_log():
+    without = run("import sys; sys.modules['numba'] = None\n" + textwrap.dedent(DETECT))
+    assert without[0].startswith('rvc_features WARNING Without Numba')
+    assert sum('Numba' in line for line in without) == 1
+    assert without[-1] == 'available False True'
+    if kernels.available():
+        for line, expected in zip(run(DETECT)[:-1], without[1:-1]):
+            assert np.allclose(json.loads(line), json.loads(expected), atol=0.01)
+
+
+def test_disabled_compiler_counts_as_no_numba():
+    assert run(DETECT, NUMBA_DISABLE_JIT='1')[-1] == 'available False True'
+
+
+@compiled
+def test_no_place_for_a_cache_is_no_reason_to_fail():
+    code = '''
+        from numba.core import caching
+        class Nowhere(caching._CacheLocator):
+            @classmethod
+            def from_function(cls, function, path):
+                return None
+        caching.CacheImpl._locator_classes = [Nowhere]
+        caching.FunctionCache._impl_class._locator_classes = [Nowhere]
+        from rvc_features import maxima
+        import numpy as np
+        print(maxima.local_maxima(np.eye(3, dtype=np.float32), 0.5)[0].tolist())
+    '''
+    assert run(code) == ['[0]']
