@@ -3,4 +3,4 @@
 from catkin_pkg.python_setup import generate_distutils_setup
 from setuptools import setup
 
-setup(**generate_distutils_setup(packages=['rvc_features'], package_dir={'': 'src'}))
+setup(**generate_distutils_setup(packages=['rvc_features', 'rvc_features.comparison'], package_dir={'': 'src'}))

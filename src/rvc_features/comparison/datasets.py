@@ -1,0 +1,303 @@
+"""What detectors are compared on: pairs of images, one after the other, with or without a homography between them.
+
+`open_inputs` tells from the paths what they are: sequences with ground truth in the layout of Oxford/VGG
+(img1.png, img2.png, H1to2p) or HPatches (1.ppm, 2.ppm, H_1_2), folders and lists of images, videos, bags.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import re
+from typing import Callable, Iterator, Sequence
+
+import numpy as np
+
+from rvc_features.comparison import homographies, images, warps
+
+SEQUENCE, SYNTHETIC, FRAMES = 'sequence', 'synthetic', 'frames'
+KINDS = 'auto', 'sequence', 'images', 'video', 'bag'
+VIDEO_EXTENSIONS = '.avi', '.mp4', '.mkv', '.mov', '.mjpeg', '.mjpg', '.mpg', '.mpeg', '.m4v', '.webm', '.ogv'
+
+ACCEPTED = ('accepted are: a sequence with ground truth (folder with img1.png, img2.png, ... and H1to2p, ..., or with '
+            '1.ppm, 2.ppm, ... and H_1_2, ...), a folder of such sequences, a folder of images, image files, a video, '
+            'or a bag with --topic')
+
+
+class InputError(ValueError):
+    """An input that can't be used; the text names it and says what is accepted."""
+
+
+@dataclasses.dataclass(frozen=True)
+class Pair:
+    """Two grey images and what is known of them; for frames the second may be missing, and the homography is."""
+
+    group: str                       # what it is averaged with: a sequence, a kind of change, a recording
+    name: str                        # within the group
+    change: float | None             # how large the change is, for the curve of the group
+    first: np.ndarray
+    second: np.ndarray | None
+    homography: np.ndarray | None
+    note: str = ''
+
+
+@dataclasses.dataclass
+class Dataset:
+    """A source of pairs; `skipped` counts, after a pass over `pairs()`, the frames that could not be decoded."""
+
+    name: str
+    kind: str                        # SEQUENCE, SYNTHETIC or FRAMES
+    description: str
+    count: int | None                # of pairs; None where only reading tells
+    make_pairs: Callable[[Dataset], Iterator[Pair]]
+    change_unit: dict[str, str] = dataclasses.field(default_factory=dict)   # by group
+    skipped: int = 0
+
+    def pairs(self) -> Iterator[Pair]:
+        self.skipped = 0
+        return self.make_pairs(self)
+
+
+@dataclasses.dataclass(frozen=True)
+class Options:
+    """How inputs are read; see the command's help for each."""
+
+    kind: str = 'auto'
+    topic: str = ''
+    every: int = 1
+    maximum_frames: int | None = None
+    crop_identity: bool = True
+    seed: int = 1
+
+
+def open_inputs(paths: Sequence[str], options: Options) -> list[Dataset]:
+    """One data set for each path, and one for all image files among them together."""
+    datasets, image_files = [], []
+    for path in paths:
+        if not os.path.exists(path):
+            raise InputError(f'{path}: no such file or folder; {ACCEPTED}')
+        if os.path.isdir(path):
+            datasets += _open_folder(path, options)
+        elif images.is_image(path) and options.kind in ('auto', 'images'):
+            image_files.append(path)
+        elif options.kind == 'bag' or (options.kind == 'auto' and path.lower().endswith('.bag')):
+            datasets.append(_bag(path, options))
+        elif options.kind == 'video' or (options.kind == 'auto'
+                                         and os.path.splitext(path)[1].lower() in VIDEO_EXTENSIONS):
+            datasets.append(_video(path, options))
+        else:
+            what = '' if options.kind == 'auto' else f' as {options.kind}'
+            raise InputError(f'{path}: not known what it is{what}; {ACCEPTED}')
+    if image_files:
+        folders = sorted({os.path.basename(os.path.dirname(os.path.abspath(path))) for path in image_files})
+        datasets.append(_images(' + '.join(folders), image_files, options))
+    return with_distinct_names(datasets)
+
+
+def single_pair(first: str, second: str, homography: str, options: Options) -> Dataset:
+    """One pair of image files and the file with their homography."""
+    name = f'{_stem(first)}, {_stem(second)}'
+    return _sequence(name, [(f'{_stem(first)} to {_stem(second)}', None, first, second, homography)],
+                     f'{os.path.basename(first)} and {os.path.basename(second)}, '
+                     f'homography {os.path.basename(homography)}', options)
+
+
+def synthetic(photograph: str | None, options: Options) -> Dataset:
+    """A photograph under known changes; None takes one that is installed with OpenCV, or draws a picture."""
+    path = photograph or warps.default_photograph()
+    image = images.read_grey(path) if path else warps.generated_photograph(options.seed)
+    if min(image.shape) < _SMALLEST_PHOTOGRAPH:
+        raise InputError(f'{path}: the photograph is {image.shape[1]}x{image.shape[0]} pixels; it must be at least '
+                         f'{_SMALLEST_PHOTOGRAPH} to each side')
+    name = _stem(path) if path else 'generated picture'
+
+    def make_pairs(dataset: Dataset) -> Iterator[Pair]:
+        first = warps.reference(image)
+        for kind, amount in warps.all_changes():
+            second, homography = warps.warped(image, kind, amount, options.seed)
+            yield Pair(f'{name}: {kind}', f'{amount:g} {warps.KINDS[kind][0]}', amount, first, second, homography)
+
+    height, width = (int(side / warps.SHRINK) for side in image.shape)
+    return Dataset(f'{name}, warped', SYNTHETIC,
+                   f'{os.path.basename(path or "a generated picture")} at {width}x{height} pixels under known '
+                   'rotations, zooms, tilts, blur, noise, JPEG compression and light changes',
+                   sum(1 for _ in warps.all_changes()), make_pairs,
+                   {f'{name}: {kind}': unit for kind, (unit, _) in warps.KINDS.items()})
+
+
+def with_distinct_names(datasets: Sequence[Dataset]) -> list[Dataset]:
+    """The same; those with a name that is taken get a number."""
+    taken: set[str] = set()
+    for dataset in datasets:
+        base, number = dataset.name, 1
+        while dataset.name in taken:
+            number += 1
+            dataset.name = f'{base} ({number})'
+        taken.add(dataset.name)
+    return list(datasets)
+
+
+def _open_folder(folder: str, options: Options) -> list[Dataset]:
+    names = sorted(os.listdir(folder), key=_natural)
+    image_names = [name for name in names if images.is_image(name) and not name.startswith('.')]
+    layout = _layout(names) if options.kind in ('auto', 'sequence') else None
+    if layout is not None:
+        return [_sequence_folder(folder, names, layout, options)]
+    inner = [os.path.join(folder, name) for name in names if os.path.isdir(os.path.join(folder, name))]
+    sequences = [path for path in inner if options.kind in ('auto', 'sequence') and _layout(os.listdir(path))]
+    if sequences and not image_names:
+        return [dataset for path in sequences for dataset in _open_folder(path, options)]
+    if options.kind in ('auto', 'images') and image_names:
+        return [_images(_base(folder), [os.path.join(folder, name) for name in image_names], options)]
+    what = 'no sequence with ground truth' if options.kind == 'sequence' else 'no images'
+    if options.kind in ('bag', 'video'):
+        raise InputError(f'{folder}: a folder, not a {options.kind}; {ACCEPTED}')
+    raise InputError(f'{folder}: there are {what} in this folder{" (it is empty)" if not names else ""}; {ACCEPTED}')
+
+
+@dataclasses.dataclass(frozen=True)
+class _Layout:
+    image: str         # regular expressions with the number as group
+    homography: str
+    homography_name: str
+
+
+_OXFORD = _Layout(r'img0*(\d+)\.\w+', r'H1to(\d+)p?(?:\.\w+)?', 'H1to{}p')
+_HPATCHES = _Layout(r'0*(\d+)\.\w+', r'H_1_(\d+)(?:\.\w+)?', 'H_1_{}')
+
+
+def _layout(names: Sequence[str]) -> _Layout | None:
+    """The layout of a sequence's folder; None for any other folder."""
+    image_names = [name for name in names if images.is_image(name)]
+    for layout in (_OXFORD, _HPATCHES):
+        numbers = {int(match[1]) for match in (re.fullmatch(layout.image, name) for name in image_names) if match}
+        if not numbers:
+            continue
+        if any(re.fullmatch(layout.homography, name) for name in names):
+            return layout
+        # No homography at all: still a sequence if it has just the images of one, and then one that lacks something.
+        telling = layout is _OXFORD or all(name.lower().endswith('.ppm') for name in image_names)
+        if telling and {1, 2} <= numbers <= set(range(1, 7)) and len(image_names) == len(numbers):
+            return layout
+    return None
+
+
+def _sequence_folder(folder: str, names: Sequence[str], layout: _Layout, options: Options) -> Dataset:
+    def numbered(pattern: str, wanted: Callable[[str], bool]) -> dict[int, str]:
+        matches = [(re.fullmatch(pattern, name), name) for name in names if wanted(name)]
+        return {int(match[1]): os.path.join(folder, name) for match, name in matches if match}
+
+    image_paths = numbered(layout.image, images.is_image)
+    homography_paths = numbered(layout.homography, lambda name: not images.is_image(name))
+    instead = 'give --kind images to take the folder as images without ground truth'
+    for number in sorted({1, *image_paths, *homography_paths}):
+        if number not in image_paths:
+            raise InputError(f'{os.path.join(folder, re.sub(r"[^a-z]", "", layout.image[:3]) + str(number))}.*: image '
+                             f'{number} of the sequence is missing; {ACCEPTED}')
+        if number > 1 and number not in homography_paths:
+            raise InputError(f'{os.path.join(folder, layout.homography_name.format(number))}: the homography from '
+                             f'image 1 to image {number} is missing; {homographies.ACCEPTED}; {instead}')
+    entries = [(f'1 to {number}', float(number), image_paths[1], image_paths[number], homography_paths[number])
+               for number in sorted(image_paths) if number > 1]
+    if not entries:
+        raise InputError(f'{folder}: the sequence has only image 1; {ACCEPTED}')
+    return _sequence(_base(folder), entries, f'sequence of {len(entries) + 1} images with ground truth', options)
+
+
+def _sequence(name: str, entries: Sequence[tuple[str, float | None, str, str, str]], description: str,
+              options: Options) -> Dataset:
+    # Read before anything is computed: a bad file shows at once and not after an hour.
+    matrices = [homographies.read_homography(entry[4]) for entry in entries]
+
+    def make_pairs(dataset: Dataset) -> Iterator[Pair]:
+        first = images.read_grey(entries[0][2])
+        for (pair_name, change, _, second_path, homography_path), matrix in zip(entries, matrices):
+            second, note = images.read_grey(second_path), ''
+            if options.crop_identity and homographies.moves_nothing(matrix, first.shape) \
+                    and not np.array_equal(first, second):
+                second, matrix, note = _cropped(second, matrix)
+            pair = Pair(name, pair_name, change, first, second, homographies.oriented(matrix, first.shape), note)
+            if not _overlap(pair):
+                raise homographies.HomographyError(
+                    f'{homography_path}: under this homography the two images share no region; '
+                    f'{homographies.ACCEPTED}')
+            yield pair
+
+    return Dataset(name, SEQUENCE, description, len(entries), make_pairs, {name: 'number of the second image'})
+
+
+def _cropped(image: np.ndarray, matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
+    """Where nothing moves, any fixed grid of points would be found again; so the second image loses its rim."""
+    x, y = min(warps.IDENTITY_CROP[0], image.shape[1] // 4), min(warps.IDENTITY_CROP[1], image.shape[0] // 4)
+    return np.ascontiguousarray(image[y:, x:]), warps.shift(-x, -y) @ matrix, \
+        f'the homography is the identity: the second image was cropped by {x} pixels on the left and {y} at the top'
+
+
+def _overlap(pair: Pair) -> bool:
+    assert pair.second is not None
+    assert pair.homography is not None
+    height, width = pair.first.shape
+    x, y = np.meshgrid(np.linspace(0, width - 1, 40), np.linspace(0, height - 1, 40))
+    projected = homographies.project(pair.homography, np.column_stack((x.ravel(), y.ravel())))
+    within = (projected >= 0).all(axis=1) & (projected < pair.second.shape[::-1]).all(axis=1)
+    return bool(within.any())
+
+
+def _images(name: str, paths: Sequence[str], options: Options) -> Dataset:
+    def read(dataset: Dataset) -> Iterator[tuple[str, np.ndarray]]:
+        return ((_stem(path), images.read_grey(path)) for path in paths)
+
+    return _frames(name, f'{len(paths)} image{"s" * (len(paths) != 1)}', len(paths), read, options)
+
+
+def _frames(name: str, description: str, count: int | None,
+            read: Callable[[Dataset], Iterator[tuple[str, np.ndarray]]], options: Options) -> Dataset:
+    def make_pairs(dataset: Dataset) -> Iterator[Pair]:
+        previous: tuple[str, np.ndarray] | None = None
+        for frame_name, image in _thinned(read(dataset), options):
+            if previous is not None:
+                # The last frame is the second of a pair; every other one is the first of one, and measured there.
+                fits = previous[1].shape == image.shape
+                yield Pair(name, previous[0], None, previous[1], image if fits else None, None)
+            previous = frame_name, image
+        if previous is not None:
+            yield Pair(name, previous[0], None, previous[1], None, None)
+
+    if count is not None:
+        count = -(-count // options.every)
+        count = count if options.maximum_frames is None else min(count, options.maximum_frames)
+    return Dataset(name, FRAMES, description, count, make_pairs)
+
+
+def _thinned(frames: Iterator[tuple[str, np.ndarray]], options: Options) -> Iterator[tuple[str, np.ndarray]]:
+    taken = 0
+    for number, frame in enumerate(frames):
+        if options.maximum_frames is not None and taken >= options.maximum_frames:
+            return
+        if number % options.every == 0:
+            taken += 1
+            yield frame
+
+
+def _video(path: str, options: Options) -> Dataset:
+    raise InputError(f'{path}: videos are not read yet')
+
+
+def _bag(path: str, options: Options) -> Dataset:
+    raise InputError(f'{path}: bags are not read yet')
+
+
+def _stem(path: str) -> str:
+    return os.path.splitext(os.path.basename(path))[0]
+
+
+def _base(folder: str) -> str:
+    return os.path.basename(os.path.abspath(folder))
+
+
+def _natural(name: str) -> list[tuple[int, int, str]]:
+    """Sorts img2 before img10."""
+    return [(0, int(part), '') if part.isdigit() else (1, 0, part) for part in re.split(r'(\d+)', name)]
+
+
+_SMALLEST_PHOTOGRAPH = 96   # pixels
