@@ -113,13 +113,18 @@ def open_source(paths: Sequence[str | Path]) -> ImageFiles | Video:
     return ImageFiles(paths)
 
 
-def read_image(path: str | Path) -> np.ndarray:
-    """One image file as uint8, grey or BGR as it is stored; SourceError where it can't be decoded."""
+def read_image(path: str | Path, grey: bool = False) -> np.ndarray:
+    """One image file as uint8, grey or BGR as it is stored; SourceError where it can't be decoded.
+
+    With `grey` the decoder makes it grey, as `cv2.imread(path, cv2.IMREAD_GRAYSCALE)` does: that can differ by one
+    grey value from a conversion afterwards, which moves published figures of detectors.
+    """
     try:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise SourceError(f'{path}: {error.strerror}') from None
-    image = cv2.imdecode(data, cv2.IMREAD_UNCHANGED) if data.size and not _is_cut_short(data.tobytes()) else None
+    flags = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_UNCHANGED
+    image = cv2.imdecode(data, flags) if data.size and not _is_cut_short(data.tobytes()) else None
     if image is None:
         raise SourceError(f'{path}: not an image that OpenCV can read, or cut short '
                           f'(accepted: {", ".join(IMAGE_SUFFIXES)})')

@@ -1,6 +1,5 @@
 """The offline workbench that compares detectors on any images: `compare_detectors`, and docs/comparison.md.
 
-    images      still images from disk, with a plain error for what can't be read
     homographies   reading, checking and applying ground truth
     warps       one photograph under known rotations, zooms, tilts, blur, noise, JPEG and light
     datasets    what is compared on: pairs of images, with or without a homography between them

@@ -14,11 +14,10 @@ import cv2
 from rvc_features import detectors
 from rvc_features.comparison import contestants, datasets, report, runner, summary
 from rvc_features.comparison.contestants import ContestantError
-from rvc_features.comparison.datasets import Dataset, InputError, Options
-from rvc_features.comparison.homographies import HomographyError
-from rvc_features.comparison.images import ImageFileError
+from rvc_features.comparison.datasets import Dataset, Options
 from rvc_features.comparison.pair_task import Settings
-from rvc_features.comparison.runner import DaskError, ProgressLine, Store
+from rvc_features.comparison.runner import DaskError, Progress, Store
+from rvc_features.image_sources import SourceError
 
 BAD_INPUT = 2          # exit status, as argparse's own
 INTERRUPTED = 128      # plus the number of the signal
@@ -29,32 +28,29 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = _parser()
     given = parser.parse_args(arguments)
     _quiet_opencv()
-    progress = ProgressLine()
     try:
         with _signals_as_exceptions():
-            return _compare(given, progress)
-    except (InputError, HomographyError, ImageFileError, ContestantError, DaskError) as error:
-        progress.close()
+            return _compare(given)
+    except (SourceError, ContestantError, DaskError) as error:
         print(f'{parser.prog}: {error}', file=sys.stderr)
         return BAD_INPUT
     except _Interrupted as interruption:
-        progress.close()
         print(f'{parser.prog}: stopped; what is measured is kept in {given.output}, and the same command goes on '
               'from there.', file=sys.stderr)
         return INTERRUPTED + interruption.number
 
 
-def _compare(given: argparse.Namespace, progress: ProgressLine) -> int:
+def _compare(given: argparse.Namespace) -> int:
     for module in given.import_:
         _import(module)
     group = _contestants(given)
     chosen = _datasets(given)
     if not given.output:
-        raise InputError('--output needs a folder')
+        raise SourceError('--output needs a folder')
     try:
         store = Store(os.path.join(given.output, 'results'))
     except OSError as error:
-        raise InputError(f'{given.output}: results can\'t be written there ({error.strerror}); give another folder '
+        raise SourceError(f'{given.output}: results can\'t be written there ({error.strerror}); give another folder '
                          'with --output') from None
 
     if given.dask_scheduler:
@@ -66,13 +62,14 @@ def _compare(given: argparse.Namespace, progress: ProgressLine) -> int:
     print(f'Comparing {", ".join(contestant.label for contestant in group)}\non '
           + '\n   '.join(f'{dataset.name}: {dataset.description}' for dataset in chosen), flush=True)
     gallery = report.Gallery()
+    progress = Progress(runner.total_of(chosen))
     try:
         measured = runner.run(chosen, settings, store, executor, progress, gallery.look)
     finally:
-        executor.shutdown(wait=True)
         progress.close()
+        executor.shutdown(wait=True)
     if not measured:
-        raise InputError('there is no image to compare on; give one, or no input at all for a built-in photograph')
+        raise SourceError('there is no image to compare on; give one, or no input at all for a built-in photograph')
 
     made = summary.sections(measured, chosen, [contestant.label for contestant in group], settings.epsilons,
                             settings.points, settings.seed)

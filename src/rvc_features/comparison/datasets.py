@@ -7,25 +7,27 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import os
 import re
-from typing import Callable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Callable, Iterator, Sequence
 
 import numpy as np
 
-from rvc_features.comparison import homographies, images, warps
+from rvc_features.comparison import homographies, warps
+from rvc_features.feature_detector import as_grey
+from rvc_features.image_sources import Frame, ImageFiles, SourceError, Video, is_image, natural_order, read_image
+
+if TYPE_CHECKING:
+    from rvc_features.bags import BagImages
 
 SEQUENCE, SYNTHETIC, FRAMES = 'sequence', 'synthetic', 'frames'
 KINDS = 'auto', 'sequence', 'images', 'video', 'bag'
-VIDEO_EXTENSIONS = '.avi', '.mp4', '.mkv', '.mov', '.mjpeg', '.mjpg', '.mpg', '.mpeg', '.m4v', '.webm', '.ogv'
 
 ACCEPTED = ('accepted are: a sequence with ground truth (folder with img1.png, img2.png, ... and H1to2p, ..., or with '
             '1.ppm, 2.ppm, ... and H_1_2, ...), a folder of such sequences, a folder of images, image files, a video, '
             'or a bag with --topic')
-
-
-class InputError(ValueError):
-    """An input that can't be used; the text names it and says what is accepted."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +45,7 @@ class Pair:
 
 @dataclasses.dataclass
 class Dataset:
-    """A source of pairs; `skipped` counts, after a pass over `pairs()`, the frames that could not be decoded."""
+    """A source of pairs; `skipped` says, after a pass over `pairs()`, what could not be decoded and why."""
 
     name: str
     kind: str                        # SEQUENCE, SYNTHETIC or FRAMES
@@ -51,10 +53,10 @@ class Dataset:
     count: int | None                # of pairs; None where only reading tells
     make_pairs: Callable[[Dataset], Iterator[Pair]]
     change_unit: dict[str, str] = dataclasses.field(default_factory=dict)   # by group
-    skipped: int = 0
+    skipped: list[str] = dataclasses.field(default_factory=list)
 
     def pairs(self) -> Iterator[Pair]:
-        self.skipped = 0
+        self.skipped = []
         return self.make_pairs(self)
 
 
@@ -75,19 +77,17 @@ def open_inputs(paths: Sequence[str], options: Options) -> list[Dataset]:
     datasets, image_files = [], []
     for path in paths:
         if not os.path.exists(path):
-            raise InputError(f'{path}: no such file or folder; {ACCEPTED}')
+            raise SourceError(f'{path}: no such file or folder; {ACCEPTED}')
         if os.path.isdir(path):
             datasets += _open_folder(path, options)
-        elif images.is_image(path) and options.kind in ('auto', 'images'):
-            image_files.append(path)
         elif options.kind == 'bag' or (options.kind == 'auto' and path.lower().endswith('.bag')):
             datasets.append(_bag(path, options))
-        elif options.kind == 'video' or (options.kind == 'auto'
-                                         and os.path.splitext(path)[1].lower() in VIDEO_EXTENSIONS):
+        elif options.kind in ('auto', 'images') and is_image(Path(path)):
+            image_files.append(path)
+        elif options.kind in ('auto', 'video'):
             datasets.append(_video(path, options))
         else:
-            what = '' if options.kind == 'auto' else f' as {options.kind}'
-            raise InputError(f'{path}: not known what it is{what}; {ACCEPTED}')
+            raise SourceError(f'{path}: can not be taken as {options.kind}; {ACCEPTED}')
     if image_files:
         folders = sorted({os.path.basename(os.path.dirname(os.path.abspath(path))) for path in image_files})
         datasets.append(_images(' + '.join(folders), image_files, options))
@@ -105,9 +105,9 @@ def single_pair(first: str, second: str, homography: str, options: Options) -> D
 def synthetic(photograph: str | None, options: Options) -> Dataset:
     """A photograph under known changes; None takes one that is installed with OpenCV, or draws a picture."""
     path = photograph or warps.default_photograph()
-    image = images.read_grey(path) if path else warps.generated_photograph(options.seed)
+    image = read_image(path, grey=True) if path else warps.generated_photograph(options.seed)
     if min(image.shape) < _SMALLEST_PHOTOGRAPH:
-        raise InputError(f'{path}: the photograph is {image.shape[1]}x{image.shape[0]} pixels; it must be at least '
+        raise SourceError(f'{path}: the photograph is {image.shape[1]}x{image.shape[0]} pixels; it must be at least '
                          f'{_SMALLEST_PHOTOGRAPH} to each side')
     name = _stem(path) if path else 'generated picture'
 
@@ -138,8 +138,8 @@ def with_distinct_names(datasets: Sequence[Dataset]) -> list[Dataset]:
 
 
 def _open_folder(folder: str, options: Options) -> list[Dataset]:
-    names = sorted(os.listdir(folder), key=_natural)
-    image_names = [name for name in names if images.is_image(name) and not name.startswith('.')]
+    names = [path.name for path in sorted(Path(folder).iterdir(), key=natural_order)]
+    image_names = [name for name in names if is_image(Path(name)) and not name.startswith('.')]
     layout = _layout(names) if options.kind in ('auto', 'sequence') else None
     if layout is not None:
         return [_sequence_folder(folder, names, layout, options)]
@@ -151,8 +151,8 @@ def _open_folder(folder: str, options: Options) -> list[Dataset]:
         return [_images(_base(folder), [os.path.join(folder, name) for name in image_names], options)]
     what = 'no sequence with ground truth' if options.kind == 'sequence' else 'no images'
     if options.kind in ('bag', 'video'):
-        raise InputError(f'{folder}: a folder, not a {options.kind}; {ACCEPTED}')
-    raise InputError(f'{folder}: there are {what} in this folder{" (it is empty)" if not names else ""}; {ACCEPTED}')
+        raise SourceError(f'{folder}: a folder, not a {options.kind}; {ACCEPTED}')
+    raise SourceError(f'{folder}: there are {what} in this folder{" (it is empty)" if not names else ""}; {ACCEPTED}')
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,7 +168,7 @@ _HPATCHES = _Layout(r'0*(\d+)\.\w+', r'H_1_(\d+)(?:\.\w+)?', 'H_1_{}')
 
 def _layout(names: Sequence[str]) -> _Layout | None:
     """The layout of a sequence's folder; None for any other folder."""
-    image_names = [name for name in names if images.is_image(name)]
+    image_names = [name for name in names if is_image(Path(name))]
     for layout in (_OXFORD, _HPATCHES):
         numbers = {int(match[1]) for match in (re.fullmatch(layout.image, name) for name in image_names) if match}
         if not numbers:
@@ -187,20 +187,20 @@ def _sequence_folder(folder: str, names: Sequence[str], layout: _Layout, options
         matches = [(re.fullmatch(pattern, name), name) for name in names if wanted(name)]
         return {int(match[1]): os.path.join(folder, name) for match, name in matches if match}
 
-    image_paths = numbered(layout.image, images.is_image)
-    homography_paths = numbered(layout.homography, lambda name: not images.is_image(name))
+    image_paths = numbered(layout.image, lambda name: is_image(Path(name)))
+    homography_paths = numbered(layout.homography, lambda name: not is_image(Path(name)))
     instead = 'give --kind images to take the folder as images without ground truth'
     for number in sorted({1, *image_paths, *homography_paths}):
         if number not in image_paths:
-            raise InputError(f'{os.path.join(folder, re.sub(r"[^a-z]", "", layout.image[:3]) + str(number))}.*: image '
+            raise SourceError(f'{os.path.join(folder, re.sub(r"[^a-z]", "", layout.image[:3]) + str(number))}.*: image '
                              f'{number} of the sequence is missing; {ACCEPTED}')
         if number > 1 and number not in homography_paths:
-            raise InputError(f'{os.path.join(folder, layout.homography_name.format(number))}: the homography from '
+            raise SourceError(f'{os.path.join(folder, layout.homography_name.format(number))}: the homography from '
                              f'image 1 to image {number} is missing; {homographies.ACCEPTED}; {instead}')
     entries = [(f'1 to {number}', float(number), image_paths[1], image_paths[number], homography_paths[number])
                for number in sorted(image_paths) if number > 1]
     if not entries:
-        raise InputError(f'{folder}: the sequence has only image 1; {ACCEPTED}')
+        raise SourceError(f'{folder}: the sequence has only image 1; {ACCEPTED}')
     return _sequence(_base(folder), entries, f'sequence of {len(entries) + 1} images with ground truth', options)
 
 
@@ -210,9 +210,9 @@ def _sequence(name: str, entries: Sequence[tuple[str, float | None, str, str, st
     matrices = [homographies.read_homography(entry[4]) for entry in entries]
 
     def make_pairs(dataset: Dataset) -> Iterator[Pair]:
-        first = images.read_grey(entries[0][2])
+        first = read_image(entries[0][2], grey=True)
         for (pair_name, change, _, second_path, homography_path), matrix in zip(entries, matrices):
-            second, note = images.read_grey(second_path), ''
+            second, note = read_image(second_path, grey=True), ''
             if options.crop_identity and homographies.moves_nothing(matrix, first.shape) \
                     and not np.array_equal(first, second):
                 second, matrix, note = _cropped(second, matrix)
@@ -244,47 +244,55 @@ def _overlap(pair: Pair) -> bool:
 
 
 def _images(name: str, paths: Sequence[str], options: Options) -> Dataset:
-    def read(dataset: Dataset) -> Iterator[tuple[str, np.ndarray]]:
-        return ((_stem(path), images.read_grey(path)) for path in paths)
-
-    return _frames(name, f'{len(paths)} image{"s" * (len(paths) != 1)}', len(paths), read, options)
-
-
-def _frames(name: str, description: str, count: int | None,
-            read: Callable[[Dataset], Iterator[tuple[str, np.ndarray]]], options: Options) -> Dataset:
-    def make_pairs(dataset: Dataset) -> Iterator[Pair]:
-        previous: tuple[str, np.ndarray] | None = None
-        for frame_name, image in _thinned(read(dataset), options):
-            if previous is not None:
-                # The last frame is the second of a pair; every other one is the first of one, and measured there.
-                fits = previous[1].shape == image.shape
-                yield Pair(name, previous[0], None, previous[1], image if fits else None, None)
-            previous = frame_name, image
-        if previous is not None:
-            yield Pair(name, previous[0], None, previous[1], None, None)
-
-    if count is not None:
-        count = -(-count // options.every)
-        count = count if options.maximum_frames is None else min(count, options.maximum_frames)
-    return Dataset(name, FRAMES, description, count, make_pairs)
-
-
-def _thinned(frames: Iterator[tuple[str, np.ndarray]], options: Options) -> Iterator[tuple[str, np.ndarray]]:
-    taken = 0
-    for number, frame in enumerate(frames):
-        if options.maximum_frames is not None and taken >= options.maximum_frames:
-            return
-        if number % options.every == 0:
-            taken += 1
-            yield frame
+    source = ImageFiles(paths)
+    return _frames(name, f'{len(source)} image{"s" * (len(source) != 1)}', source, options)
 
 
 def _video(path: str, options: Options) -> Dataset:
-    raise InputError(f'{path}: videos are not read yet')
+    try:
+        source = Video(path)
+    except SourceError as error:
+        raise SourceError(f'{error}; {ACCEPTED}') from None
+    return _frames(os.path.basename(path), f'video of {len(source) or "an unknown number of"} frames', source, options)
 
 
 def _bag(path: str, options: Options) -> Dataset:
-    raise InputError(f'{path}: bags are not read yet')
+    try:
+        from rvc_features.bags import BagImages  # here, for all other inputs work without ROS
+    except ImportError as error:
+        raise SourceError(f'{path}: reading bags needs ROS ({error}); {ACCEPTED}') from None
+    source = BagImages(path, options.topic or None)
+    return _frames(f'{os.path.basename(path)} {source.topic}', f'{len(source)} images on {source.topic}', source, options)
+
+
+def _frames(name: str, description: str, source: ImageFiles | Video | BagImages, options: Options) -> Dataset:
+    def make_pairs(dataset: Dataset) -> Iterator[Pair]:
+        previous: tuple[str, np.ndarray] | None = None
+        for frame in _thinned(_grey_files(source) if isinstance(source, ImageFiles) else iter(source), options):
+            image = as_grey(frame.image)
+            if previous is not None:
+                fits = previous[1].shape == image.shape
+                yield Pair(name, previous[0], None, previous[1], image if fits else None, None)
+            previous = frame.name, image
+        if previous is not None:
+            # Each frame is measured as the first of a pair; the last has none to go with it.
+            yield Pair(name, previous[0], None, previous[1], None, None)
+        dataset.skipped = list(getattr(source, 'skipped', ()))
+
+    count = -(-len(source) // options.every)
+    if options.maximum_frames is not None:
+        count = min(count, options.maximum_frames)
+    return Dataset(name, FRAMES, description, count or None, make_pairs)
+
+
+def _thinned(frames: Iterator[Frame], options: Options) -> Iterator[Frame]:
+    return itertools.islice(frames, 0, None, options.every) if options.maximum_frames is None \
+        else itertools.islice(frames, 0, options.every * options.maximum_frames, options.every)
+
+
+def _grey_files(source: ImageFiles) -> Iterator[Frame]:
+    for path in source.paths:
+        yield Frame(path.name, read_image(path, grey=True), None)
 
 
 def _stem(path: str) -> str:
@@ -293,11 +301,6 @@ def _stem(path: str) -> str:
 
 def _base(folder: str) -> str:
     return os.path.basename(os.path.abspath(folder))
-
-
-def _natural(name: str) -> list[tuple[int, int, str]]:
-    """Sorts img2 before img10."""
-    return [(0, int(part), '') if part.isdigit() else (1, 0, part) for part in re.split(r'(\d+)', name)]
 
 
 _SMALLEST_PHOTOGRAPH = 96   # pixels

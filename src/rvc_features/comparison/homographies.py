@@ -10,11 +10,13 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
+from rvc_features.image_sources import SourceError
+
 ACCEPTED = ('a homography file holds three lines of three numbers, or is an OpenCV XML file with one 3x3 matrix; '
             'the matrix must be finite and invertible')
 
 
-class HomographyError(ValueError):
+class HomographyError(SourceError):
     """A homography that can't be used; the text names the file."""
 
 

@@ -18,6 +18,8 @@ from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExe
 from multiprocessing import connection
 from typing import Any, Callable, Iterator, Sequence
 
+from tqdm import tqdm
+
 from rvc_features.comparison import pair_task
 from rvc_features.comparison.datasets import Dataset, Pair
 from rvc_features.comparison.pair_task import Settings
@@ -75,10 +77,6 @@ def write_whole(path: str, content: str | bytes) -> None:
         raise
 
 
-Progress = Callable[[int, int, 'int | None', Dataset], None]
-"""Called with pairs done, pairs that were there already, pairs in all if known, and the data set at hand."""
-
-
 def run(datasets: Sequence[Dataset], settings: Settings, store: Store, executor: Executor,
         progress: Progress, look: Callable[[Dataset, Pair], None] = lambda dataset, pair: None) -> list[Measured]:
     """Measure what has no result yet, and return all results in the order of the data.
@@ -91,18 +89,16 @@ def run(datasets: Sequence[Dataset], settings: Settings, store: Store, executor:
     look
         Called with every pair as it comes by.
     """
-    total = _total(datasets)
     order: list[tuple[str, Measured]] = []
     results: dict[str, dict[str, Any]] = {}
     under_way: dict[Future, str] = {}
-    reused = 0
 
     def collect(futures: Sequence[Future], dataset: Dataset) -> None:
         for future in futures:
             key = under_way.pop(future)
             results[key] = future.result()
             store.save(key, results[key])
-            progress(len(results), reused, total, dataset)
+            progress.step(dataset, False)
 
     dataset: Dataset
     try:
@@ -117,8 +113,7 @@ def run(datasets: Sequence[Dataset], settings: Settings, store: Store, executor:
             saved = store.load(key)
             if saved is not None:
                 results[key] = saved
-                reused += 1
-                progress(len(results), reused, total, dataset)
+                progress.step(dataset, True)
                 continue
             under_way[executor.submit(pair_task.measure, pair, settings)] = key
             collect([future for future in under_way if future.done()], dataset)
@@ -207,48 +202,33 @@ def _all_pairs(datasets: Sequence[Dataset]) -> Iterator[tuple[Dataset, Pair]]:
             yield dataset, pair
 
 
-def _total(datasets: Sequence[Dataset]) -> int | None:
+def total_of(datasets: Sequence[Dataset]) -> int | None:
     counts = [dataset.count for dataset in datasets]
     return None if None in counts else sum(count for count in counts if count is not None)
 
 
-class ProgressLine:
-    """Progress on a terminal as one line that is written over, elsewhere as a line now and then.
+class Progress:
+    """A bar on a terminal; elsewhere a line for each tenth of the work."""
 
-    A few lines of our own: the whole that a progress bar package would be used for is the string below.
-    """
-
-    def __init__(self, stream: Any = None) -> None:
+    def __init__(self, total: int | None, stream: Any = None) -> None:
+        self.total = total
+        self.reused = 0
         self.stream = sys.stderr if stream is None else stream
-        self.on_terminal = bool(getattr(self.stream, 'isatty', lambda: False)())
-        self.told = -1
-        self.widest = 0
+        self.bar = tqdm(total=total, unit='pair', file=self.stream) if self.stream.isatty() else None
+        self.done = 0
 
-    def __call__(self, done: int, reused: int, total: int | None, dataset: Dataset) -> None:
-        text = f'{done} of {total} pairs' if total else f'{done} pairs'
-        if reused:
-            text += f', {reused} of them from before'
-        text += f'; {dataset.name}'
-        if self.on_terminal:
-            bar = ''
-            if total:
-                filled = _BAR * done // total
-                bar = f'[{"#" * filled}{"." * (_BAR - filled)}] '
-            line = (bar + text)[:100]
-            self.widest = max(self.widest, len(line))
-            self.stream.write('\r' + line.ljust(self.widest))
-            self.stream.flush()
-            return
-        step = 10 * done // total if total else done // 50
-        if step != self.told:
-            self.told = step
-            self.stream.write(text + '\n')
+    def step(self, dataset: Dataset, reused: bool) -> None:
+        """One more result is there; `reused`: from before."""
+        self.done += 1
+        self.reused += reused
+        text = dataset.name + (f', {self.reused} from before' if self.reused else '')
+        if self.bar is not None:
+            self.bar.set_postfix_str(text, refresh=False)
+            self.bar.update()
+        elif self.done * 10 // (self.total or 1000) > (self.done - 1) * 10 // (self.total or 1000):
+            self.stream.write(f'{self.done} of {self.total or "an unknown number of"} pairs; {text}\n')
             self.stream.flush()
 
     def close(self) -> None:
-        if self.on_terminal and self.widest:
-            self.stream.write('\n')
-            self.widest = 0
-
-
-_BAR = 30   # characters
+        if self.bar is not None:
+            self.bar.close()

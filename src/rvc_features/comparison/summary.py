@@ -243,9 +243,9 @@ def _time_cells(column: Column, chosen: Sequence[Measured], labels: tuple[str, .
         if each is None:
             made.append(Cell(None))
             continue
-        leader = quartiles[best[0]]
-        made.append(Cell(float(each[1]), float(each[0]), float(each[2]), i in best,
-                         i not in best and leader is not None and bool(each[0] <= leader[2]), None, len(chosen)))
+        leader = quartiles[best[0]] if best else None
+        as_good = i not in best and leader is not None and bool(each[0] <= leader[2])   # the quartiles overlap
+        made.append(Cell(float(each[1]), float(each[0]), float(each[2]), i in best, as_good, None, len(chosen)))
     return made
 
 
@@ -314,8 +314,9 @@ def _notes(kind: str, chosen: Sequence[Measured], datasets: Sequence[data.Datase
     notes = [f'{pair.group}, {pair.name}: {pair.note}.' for pair in chosen if pair.note]
     for dataset in datasets:
         if dataset.skipped:
-            frames = 'frame' if dataset.skipped == 1 else 'frames'
-            notes.append(f'{dataset.name}: {dataset.skipped} {frames} could not be decoded, and skipped.')
+            frames = 'frame' if len(dataset.skipped) == 1 else 'frames'
+            notes.append(f'{dataset.name}: {len(dataset.skipped)} {frames} could not be decoded, and skipped; '
+                         f'the first: {dataset.skipped[0]}.')
     if len(chosen) == 1:
         notes.append('There is one pair only: no interval can be given, and a small difference means nothing.')
     for label in labels:
