@@ -74,8 +74,6 @@ class Curve:
     x_labels: tuple[str, ...]
     lines: tuple[tuple[float | None, ...], ...]
     chance: tuple[float | None, ...]
-    low: tuple[tuple[float | None, ...], ...] = ()
-    high: tuple[tuple[float | None, ...], ...] = ()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -186,7 +184,7 @@ def _section(kind: str, title: str, introduction: str, chosen: Sequence[Measured
     headline = columns[0]
     return Section(
         kind, title, introduction, table('all', columns, chosen, labels, seed), breakdowns,
-        _epsilon_curve(kind, chosen, labels, all_epsilons, seed),
+        _epsilon_curve(kind, chosen, labels, all_epsilons),
         tuple(curve for curve in (_change_curve(group, units.get(group, ''), headline, chosen, labels)
                                   for group in groups) if curve is not None),
         tuple(tuple((float(found), _median([times]) or 0.0)
@@ -268,31 +266,20 @@ def _breakdown(column: Column, chosen: Sequence[Measured], groups: Sequence[str]
     return Table(column.heading, tuple(columns), labels, tuple(zip(*by_group)), len(chosen))
 
 
-def _epsilon_curve(kind: str, chosen: Sequence[Measured], labels: tuple[str, ...], all_epsilons: Sequence[float],
-                   seed: int) -> Curve | None:
+def _epsilon_curve(kind: str, chosen: Sequence[Measured], labels: tuple[str, ...],
+                   all_epsilons: Sequence[float]) -> Curve | None:
     name = 'found_again' if kind == data.FRAMES else 'repeatability'
-    lines: list[tuple[float | None, ...]] = []
-    low, high = list(lines), list(lines)
-    chance: list[float | None] = []
-    for label in labels:
-        values = np.array([[math.nan if value is None else value
-                            for value in pair.result['contestants'][label].get(name, [None] * len(all_epsilons))]
-                           for pair in chosen], np.float64)
-        if np.isnan(values).all():
-            return None
-        lines.append(tuple(_plain(np.nanmean(values, axis=0))))
-        if len(values) > 1:
-            ends = np.nanpercentile(measures.bootstrap_means(values, seed), [2.5, 97.5], axis=0)
-            low.append(tuple(_plain(ends[0])))
-            high.append(tuple(_plain(ends[1])))
-    if kind != data.FRAMES:
-        values = np.array([[math.nan if value is None else value
-                            for value in pair.result['contestants'][label]['chance']]
-                           for pair in chosen for label in labels], np.float64)
-        chance = _plain(np.nanmean(values, axis=0))
+
+    def means(wanted: str, of_labels: Sequence[str]) -> list[float | None]:
+        rows = [pair.result['contestants'][label][wanted] for label in of_labels for pair in chosen
+                if wanted in pair.result['contestants'][label]]
+        return [_mean([row[i] for row in rows]) for i in range(len(all_epsilons))]
+
+    lines = tuple(tuple(means(name, [label])) for label in labels)
+    if all(value is None for line in lines for value in line):
+        return None
     return Curve('found again' if kind == data.FRAMES else 'repeatability', 'ε in pixels', tuple(all_epsilons),
-                 tuple(f'{epsilon:g}' for epsilon in all_epsilons), tuple(lines), tuple(chance), tuple(low),
-                 tuple(high))
+                 tuple(f'{epsilon:g}' for epsilon in all_epsilons), lines, tuple(means('chance', labels)))
 
 
 def _change_curve(group: str, unit: str, column: Column, chosen: Sequence[Measured],
