@@ -55,10 +55,17 @@ def lines(curve: Curve, labels: Sequence[str], evenly: bool) -> str:
     return _svg(parts, curve.title)
 
 
-def times(points: Sequence[Sequence[tuple[float, float]]], labels: Sequence[str]) -> str:
-    """Milliseconds over points found: a faint dot for each image, a large one for the median of a detector."""
+Times = Sequence[Sequence[tuple[float, float]]]   # by detector: points found, milliseconds
+
+
+def times(points: Times, sweeps: Times, labels: Sequence[str]) -> str:
+    """Milliseconds over points found.
+
+    A line for one image and rising numbers of points, a faint dot for each other image, and a large one for the
+    median of a detector.
+    """
     drawn = [_evenly_chosen(each, _MOST_DOTS) for each in points]
-    everything = [point for each in drawn for point in each if point[1] > 0]
+    everything = [point for each in (*drawn, *sweeps) for point in each if point[1] > 0]
     if not everything:
         return ''
     least, most = (choose(ms for _, ms in everything) for choose in (min, max))
@@ -76,8 +83,12 @@ def times(points: Sequence[Sequence[tuple[float, float]]], labels: Sequence[str]
         parts.append(_grid(y_of(tick), f'{tick:g}'))
     for i in range(5):
         parts.append(_tick(x_of(widest * i / 4), f'{widest * i / 4:g}'))
-    for number, each in enumerate(drawn):
-        parts += [_dot(x_of(found), y_of(ms), 2, number, '', 0.3) for found, ms in each if ms > 0]
+    for number, sweep in enumerate(sweeps):
+        ordered = sorted(sweep)
+        parts.append(_path([(x_of(found), y_of(ms)) for found, ms in ordered if ms > 0], _stroke(number),
+                           labels[number]))
+    for number, dots in enumerate(drawn):
+        parts += [_dot(x_of(found), y_of(ms), 2, number, '', 0.3) for found, ms in dots if ms > 0]
     for number, (label, each) in enumerate(zip(labels, points)):
         if each:
             found, ms = (_middle([point[i] for point in each]) for i in (0, 1))

@@ -7,6 +7,7 @@ import contextlib
 import os
 import signal
 import sys
+from concurrent.futures import BrokenExecutor
 from typing import Any, Iterator, NoReturn, Sequence
 
 import cv2
@@ -19,6 +20,7 @@ from rvc_features.comparison.pair_task import Settings
 from rvc_features.comparison.runner import DaskError, Progress, Store
 from rvc_features.image_sources import SourceError
 
+FAILED = 1
 BAD_INPUT = 2          # exit status, as argparse's own
 INTERRUPTED = 128      # plus the number of the signal
 
@@ -34,6 +36,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except (SourceError, ContestantError, DaskError) as error:
         print(f'{parser.prog}: {error}', file=sys.stderr)
         return BAD_INPUT
+    except BrokenExecutor as error:
+        print(f'{parser.prog}: a worker process has died, perhaps for lack of memory ({error}); the same command goes '
+              'on from there, with fewer --workers if need be.', file=sys.stderr)
+        return FAILED
+    except OSError as error:
+        print(f'{parser.prog}: {error.filename or given.output}: {error.strerror or error}', file=sys.stderr)
+        return FAILED
     except _Interrupted as interruption:
         print(f'{parser.prog}: stopped; what is measured is kept in {given.output}, and the same command goes on '
               'from there.', file=sys.stderr)
@@ -53,21 +62,19 @@ def _compare(given: argparse.Namespace) -> int:
         raise SourceError(f'{given.output}: results can\'t be written there ({error.strerror}); give another folder '
                          'with --output') from None
 
-    if given.dask_scheduler:
-        executor, concurrent = runner.dask_executor(given.dask_scheduler)
-    else:
-        executor, concurrent = runner.local_executor(given.workers), given.workers
-    settings = Settings(tuple(contestant.specification() for contestant in group), given.points,
-                        tuple(sorted(set(given.epsilon))), given.repeats, given.seed, concurrent, tuple(given.import_))
-    print(f'Comparing {", ".join(contestant.label for contestant in group)}\non '
-          + '\n   '.join(f'{dataset.name}: {dataset.description}' for dataset in chosen), flush=True)
+    print(f'Comparing {"; ".join(contestant.label for contestant in group)}')
+    for dataset in chosen:
+        print(f'on {dataset.name}: {dataset.description}', flush=True)
     gallery = report.Gallery()
-    progress = Progress(runner.total_of(chosen))
-    try:
-        measured = runner.run(chosen, settings, store, executor, progress, gallery.look)
-    finally:
-        progress.close()
-        executor.shutdown(wait=True)
+    with runner.executor_for(given.workers, given.dask_scheduler) as (executor, concurrent):
+        settings = Settings(tuple(contestant.specification() for contestant in group), given.points,
+                            tuple(sorted(set(given.epsilon))), given.repeats, given.seed, concurrent,
+                            tuple(given.import_))
+        progress = Progress(runner.total_of(chosen))
+        try:
+            measured = runner.run(chosen, settings, store, executor, progress, gallery.look)
+        finally:
+            progress.close()
     if not measured:
         raise SourceError('there is no image to compare on; give one, or no input at all for a built-in photograph')
 

@@ -35,6 +35,17 @@ class Contestant:
         points = self.detector.detect_arrays(image)
         return measures.thinned(points, self.thinned) if self.thinned > 0 else points
 
+    def asked_for(self, count: int) -> Contestant | None:
+        """The same, asked for at most `count` points; None where its detector has no parameter for that."""
+        known = parameters.specifications(self.detector)
+        limits: dict[str, Any] = {name: count for name in known if name in ('number_of_points', 'anms_points')}
+        if not limits or (getattr(self.detector, 'fixed_number_of_points', True) is False \
+                and not getattr(self.detector, 'anms', False)):
+            return None
+        values: dict[str, Any] = {name: getattr(self.detector, name) for name in known}
+        values.update(limits)
+        return dataclasses.replace(self, detector=detectors.create(self.detector.name, **values))
+
     def settings(self) -> dict[str, Any]:
         """Every parameter with its value."""
         values = {name: getattr(self.detector, name) for name in parameters.specifications(self.detector)}

@@ -41,6 +41,7 @@ class Pair:
     second: np.ndarray | None
     homography: np.ndarray | None
     note: str = ''
+    sweep: bool = False              # whether time against the number of points is measured on it
 
 
 @dataclasses.dataclass
@@ -262,7 +263,8 @@ def _bag(path: str, options: Options) -> Dataset:
     except ImportError as error:
         raise SourceError(f'{path}: reading bags needs ROS ({error}); {ACCEPTED}') from None
     source = BagImages(path, options.topic or None)
-    return _frames(f'{os.path.basename(path)} {source.topic}', f'{len(source)} images on {source.topic}', source, options)
+    return _frames(f'{os.path.basename(path)} {source.topic}', f'{len(source)} images on {source.topic}', source,
+                   options)
 
 
 def _frames(name: str, description: str, source: ImageFiles | Video | BagImages, options: Options) -> Dataset:

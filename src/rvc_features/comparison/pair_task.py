@@ -24,6 +24,7 @@ from rvc_features.comparison.contestants import Contestant
 from rvc_features.comparison.datasets import Pair
 
 CURVE = 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0   # epsilons of the curves, in pixels
+SWEEP = 100, 250, 500, 1000, 2000   # points asked for, where time is measured against points
 
 
 @dataclasses.dataclass(frozen=True)
@@ -52,7 +53,7 @@ def key(pair: Pair, settings: Settings) -> str:
     """Name of the result of a pair: a digest of all that decides it, pixels and code included."""
     digest = hashlib.blake2b(digest_size=16)
     about = {'settings': dataclasses.asdict(dataclasses.replace(settings, concurrent=1)), 'code': code_digest(settings),
-             'versions': versions(), 'with_ground_truth': pair.homography is not None}
+             'versions': versions(), 'with_ground_truth': pair.homography is not None, 'sweep': pair.sweep}
     digest.update(json.dumps(about, sort_keys=True).encode())
     for array in (pair.first, pair.second, pair.homography):
         if array is not None:
@@ -79,6 +80,9 @@ def measure(pair: Pair, settings: Settings) -> dict[str, Any]:
         elif pair.second is not None:
             values.update(_from_frame_to_frame(strongest, pair, settings))
         measured[contestant.label] = values
+    if pair.sweep:
+        for contestant, sweep in zip(group, _sweeps(group, pair.first, settings)):
+            measured[contestant.label]['sweep'] = sweep
     return {'contestants': measured, 'epsilons': settings.all_epsilons(), 'versions': versions(),
             'machine': _machine(), 'concurrent': settings.concurrent}
 
@@ -144,6 +148,18 @@ def _detected(group: Sequence[Contestant], pictures: Sequence[np.ndarray],
                 times[number].append(round((time.perf_counter() - start) * 1000, 4))
         milliseconds.append(times)
     return points, milliseconds
+
+
+def _sweeps(group: Sequence[Contestant], image: np.ndarray, settings: Settings) -> list[list[tuple[int, float]]]:
+    """Points found and median milliseconds of each contestant, asked for ever more points; empty where it can't be."""
+    sweeps: list[list[tuple[int, float]]] = [[] for _ in group]
+    for count in SWEEP:
+        asked = [(number, each.asked_for(count)) for number, each in enumerate(group)]
+        limited = [(number, each) for number, each in asked if each is not None]
+        points, milliseconds = _detected([each for _, each in limited], [image], settings.repeats)
+        for (number, _), found, times in zip(limited, points[0], milliseconds[0]):
+            sweeps[number].append((len(found), float(np.median(times))))
+    return sweeps
 
 
 def _alone(strongest: Sequence[np.ndarray], pictures: Sequence[np.ndarray]) -> dict[str, Any]:

@@ -61,7 +61,7 @@ def _picture(pair: Pair, contestant: Contestant, points: int, epsilon: float, wi
         colours[:] = NOT_SEEN
         colours[region.second] = NOT_AGAIN
         colours[again] = AGAIN
-        caption = f'{len(again)} of {min(len(region.first), len(region.second))} found again within {epsilon:g} px'
+        caption = f'{len(again)} of {min(len(region.first), len(region.second))} found again, {epsilon:g} px'
     elif pair.second is not None:
         survival = measures.Survival(first, second, pair.first, second_image, [epsilon])
         if survival.tracked is not None:
@@ -74,10 +74,11 @@ def _drawn(image: np.ndarray, points: np.ndarray, colours: np.ndarray, width: in
     scale = min(1.0, width / image.shape[1])
     small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
     pale = cv2.cvtColor(np.rint(small * 0.72 + 60).astype(np.uint8), cv2.COLOR_GRAY2BGR)
+    radius, thickness = (3, 2) if pale.shape[1] >= 400 else (2, -1)
     # The strongest last, on top; of the kinds, those found again.
     for (x, y), ring in zip(points[::-1].tolist(), colours[::-1].tolist()):
         centre = round((x + 0.5) * scale * 16 - 8), round((y + 0.5) * scale * 16 - 8)
-        cv2.circle(pale, centre, 3 * 16, ring, 1 if ring == list(NOT_SEEN) else 2, cv2.LINE_AA, 4)
+        cv2.circle(pale, centre, radius * 16, ring, thickness, cv2.LINE_AA, 4)
     return pale
 
 

@@ -31,7 +31,7 @@ MARKS = ('Green: the best of its column. Pale green with ≈: not told apart fro
 
 
 class Gallery:
-    """Keeps of the pairs that come by those that the report shows: the middle one of each data set, of the first few."""
+    """Keeps those of the pairs coming by that the report shows: the middle one of each of the first data sets."""
 
     MOST = 4
 
@@ -59,7 +59,8 @@ def write(folder: str, title: str, sections: Sequence[Section], measured: Sequen
         SUMMARY_CSV: _summary_csv(sections),
         PAIRS_CSV: _pairs_csv(measured, settings)}
     if gallery.shown:
-        small = pictures.of_pair(next(iter(gallery.shown.values())), contestants, settings.points, epsilon,
+        best_known = max(gallery.shown.values(), key=lambda pair: pair.homography is not None)
+        small = pictures.of_pair(best_known, contestants, settings.points, epsilon,
                                  _MOSAIC_WIDTH)
         files[PICTURE] = _png(pictures.mosaic(small, 2 if len(small) <= 4 else 4))
     paths = []
@@ -69,7 +70,7 @@ def write(folder: str, title: str, sections: Sequence[Section], measured: Sequen
     return paths
 
 
-_PICTURE_WIDTH, _MOSAIC_WIDTH = 560, 260   # pixels
+_PICTURE_WIDTH, _MOSAIC_WIDTH = 560, 240   # pixels
 
 
 def as_text(sections: Sequence[Section]) -> str:
@@ -170,7 +171,8 @@ def _page(title: str, sections: Sequence[Section], measured: Sequence[Measured],
           shown: dict[str, list[pictures.Picture]]) -> str:
     body = [f'<h1>{escape(title)}</h1>', f'<p class="lead">{escape(_scope(contestants, settings))}</p>',
             '<div class="short"><h2>In short</h2><ul>',
-            *(f'<li>{sentence}</li>' for section in sections for sentence in _in_short(section)), '</ul></div>']
+            *(f'<li><b>{escape(section.title)}.</b> {" ".join(_in_short(section))}</li>' for section in sections),
+            '</ul></div>']
     if len(sections) > 1:
         links = (f'<a href="#{section.kind}">{escape(section.title)}</a>' for section in sections)
         body.append(f'<p class="contents">{" · ".join(links)} · <a href="#settings">Settings</a></p>')
@@ -190,24 +192,21 @@ def _scope(contestants: Sequence[Contestant], settings: Settings) -> str:
 def _in_short(section: Section) -> Iterator[str]:
     """What the table says, in sentences; nothing that it does not say."""
     table = section.table
-    said = [column for column in table.columns if column.better != NEITHER]
-    preferred = [column for column in said if column.key.split('_')[0] in ('repeatability', 'found', 'matching', 'time')]
-    for column in preferred:
-        i = table.columns.index(column)
-        cells = [row[i] for row in table.rows]
-        best = [(label, cell) for label, cell in zip(table.labels, cells) if cell.best]
+    if table.pairs == 1:
+        yield 'One pair only: an example, not a result.'
+    for i, column in enumerate(table.columns):
+        if column.key.rstrip('0123456789.') not in ('repeatability_', 'found_again_', 'matching', 'time'):
+            continue
+        cells = [(label, row[i]) for label, row in zip(table.labels, table.rows)]
+        best = [(label, cell) for label, cell in cells if cell.best]
         if not best:
             continue
-        names = ' and '.join(f'<b>{escape(label)}</b>' for label, _ in best)
-        sentence = (f'{escape(section.title)}, {escape(column.title)}: '
-                    f'{names} {"lead" if len(best) > 1 else "leads"} with {column.text(best[0][1].value)}'
-                    f'{" " + column.unit if column.unit else ""}')
-        equals = [escape(label) for label, cell in zip(table.labels, cells) if cell.as_good]
-        if equals:
-            sentence += f'; not told apart from it by these data: {", ".join(equals)}'
-        elif table.pairs == 1 and not column.is_time:
-            sentence += '; from one pair, so take it as an example and not as a result'
-        yield sentence + '.'
+        title = column.title[:1].upper() + column.title[1:]
+        unit = f'&nbsp;{column.unit}' if column.unit else ''
+        sentence = (f'{escape(title)}: <b>{" and ".join(escape(label) for label, _ in best)}</b> '
+                    f'({column.text(best[0][1].value)}{unit})')
+        equals = [escape(label) for label, cell in cells if cell.as_good]
+        yield sentence + (f', not told apart from it: {"; ".join(equals)}.' if equals else '.')
 
 
 def _section(section: Section, datasets: Sequence[Dataset], gallery: Gallery,
@@ -229,7 +228,10 @@ def _section(section: Section, datasets: Sequence[Dataset], gallery: Gallery,
     yield '<h3>Curves</h3>' + charts.legend(section.table.labels) + '<div class="charts">'
     if section.epsilon_curve is not None:
         yield charts.lines(section.epsilon_curve, section.table.labels, evenly=False)
-    yield charts.times(section.times, section.table.labels) + '</div>'
+    yield charts.times(section.times, section.sweeps, section.table.labels) + '</div>'
+    if any(section.sweeps):
+        yield ('<p class="small">Time against points: the lines ask for ever more points on one image; large dots are '
+               'the medians over all images.</p>')
     if section.change_curves:
         yield (f'<h3>{escape(section.table.columns[0].title[:1].upper() + section.table.columns[0].title[1:])} '
                'over the size of the change</h3>' + charts.legend(section.table.labels) + '<div class="charts">')
@@ -337,13 +339,13 @@ def _two(values: Sequence[Any] | None) -> list[Any]:
 
 def _png(image: np.ndarray) -> bytes:
     # Fewer grey levels make the file half as large, which a picture in a README should be.
-    _, data = cv2.imencode('.png', np.minimum(image // 8 * 8 + 7, 255).astype(np.uint8),
+    _, data = cv2.imencode('.png', np.minimum(image // 16 * 17, 255).astype(np.uint8),
                            [cv2.IMWRITE_PNG_COMPRESSION, 9])
     return data.tobytes()
 
 
 _STYLE = '''
-body { font: 16px/1.5 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; color: #222; max-width: 1280px;
+body { font: 16px/1.5 system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; color: #222; max-width: 1320px;
   margin: 2rem auto; padding: 0 1.5rem; background: #fff; }
 h1 { font-size: 2rem; margin-bottom: .2rem; } h2 { margin-top: 2.8rem; border-bottom: 2px solid #eee; }
 h3 { margin: 2rem 0 .4rem; } .lead { font-size: 1.1rem; color: #555; }
@@ -351,13 +353,14 @@ h3 { margin: 2rem 0 .4rem; } .lead { font-size: 1.1rem; color: #555; }
   border: 0; font-size: 1.2rem; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: #555; padding-bottom: .3rem; }
-th, td { padding: .35rem .7rem; text-align: right; border-bottom: 1px solid #e8e8e8; vertical-align: top; }
+th, td { padding: .35rem .55rem; text-align: right; border-bottom: 1px solid #e8e8e8; vertical-align: top; }
 thead th { font-weight: 600; vertical-align: bottom; border-bottom: 2px solid #bbb; cursor: help; }
 tbody th { text-align: left; font-weight: 600; white-space: nowrap; } td.text { text-align: left; }
 td small { display: block; color: #777; font-size: .72rem; white-space: nowrap; } td small.chance { color: #999; }
 td.best { background: #bfe5cf; font-weight: 700; } td.as-good { background: #eaf6ef; } td small { font-weight: 400; }
 .arrow { color: #999; font-size: .7em; } .small { font-size: .85rem; color: #555; }
-dl { display: grid; grid-template-columns: max-content 1fr; gap: .1rem 1rem; } dt { font-weight: 600; } dd { margin: 0; }
+dl { display: grid; grid-template-columns: max-content 1fr; gap: .1rem 1rem; }
+dt { font-weight: 600; } dd { margin: 0; }
 .notes { background: #fff8e6; border-left: 4px solid #e69f00; padding: .5rem 1rem .5rem 2rem; font-size: .9rem; }
 .swatch { display: inline-block; width: .8rem; height: .8rem; border-radius: 2px; margin-right: .5rem; }
 .legend .key { margin-right: 1.2rem; white-space: nowrap; font-size: .85rem; }

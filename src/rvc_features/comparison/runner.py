@@ -6,6 +6,7 @@ it is the result of (`pair_task.key`): whatever changes, images, settings or cod
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import multiprocessing
@@ -140,47 +141,55 @@ class SerialExecutor(Executor):
         return future
 
 
-def local_executor(workers: int) -> Executor:
-    """As many processes as wanted; none beside this one for a single worker."""
-    if workers == 1:
-        return SerialExecutor()
+@contextlib.contextmanager
+def executor_for(workers: int, dask_scheduler: str | None) -> Iterator[tuple[Executor, int]]:
+    """An executor and how many jobs it runs at the same time; shut down at the end.
+
+    Parameters
+    ----------
+    workers : int
+        Processes on this machine; none beside this one for a single worker.
+    dask_scheduler : str, optional
+        Address of a Dask scheduler whose workers are taken instead.
+
+    Raises
+    ------
+    DaskError
+    """
+    if dask_scheduler:
+        with _dask_client(dask_scheduler) as client:
+            # `pure=False`: equal jobs are told apart by us already, and hashing the images twice would cost time.
+            yield client.get_executor(pure=False), sum(client.nthreads().values())
+        return
     # Spawned, not forked: OpenCV's and Numba's threads don't survive a fork.
-    return ProcessPoolExecutor(workers, multiprocessing.get_context('spawn'), _start_worker)
+    executor = SerialExecutor() if workers == 1 else \
+        ProcessPoolExecutor(workers, multiprocessing.get_context('spawn'), _start_worker)
+    with executor:
+        yield executor, workers
 
 
 class DaskError(RuntimeError):
     """Dask is not installed, or its scheduler does not answer; the text says what to do."""
 
 
-def dask_executor(address: str) -> tuple[Executor, int]:
-    """The workers of a Dask cluster behind the same interface, and how many threads they have in all."""
+def _dask_client(address: str) -> Any:
     try:
         from distributed import Client
     except ImportError:
         raise DaskError('--dask-scheduler needs Dask, which is not installed here: '
-                          'python3 -m pip install "dask[distributed]"') from None
+                        'python3 -m pip install "dask[distributed]"') from None
     try:
         client = Client(address, timeout=_DASK_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
         raise DaskError(f'no Dask scheduler answers at {address} ({error or type(error).__name__}); '
-                          'start one with `dask scheduler` and give its address, such as tcp://host:8786') from None
-    workers = client.scheduler_info(n_workers=-1)['workers'] if _takes_n_workers(client) \
-        else client.scheduler_info()['workers']
-    if not workers:
+                        'start one with `dask scheduler` and give its address, such as tcp://host:8786') from None
+    if not client.nthreads():
         client.close()
         raise DaskError(f'the Dask scheduler at {address} has no workers; start some with `dask worker {address}`')
-    # `pure=False`: equal jobs are told apart by us already, and hashing the images twice would cost time.
-    executor = client.get_executor(pure=False)
-    return executor, sum(worker['nthreads'] for worker in workers.values())
+    return client
 
 
 _DASK_TIMEOUT = 10   # seconds
-
-
-def _takes_n_workers(client: Any) -> bool:
-    """Newer versions of Dask tell of five workers only, unless asked for all."""
-    import inspect
-    return 'n_workers' in inspect.signature(client.scheduler_info).parameters
 
 
 def _start_worker() -> None:
@@ -198,8 +207,8 @@ def _start_worker() -> None:
 
 def _all_pairs(datasets: Sequence[Dataset]) -> Iterator[tuple[Dataset, Pair]]:
     for dataset in datasets:
-        for pair in dataset.pairs():
-            yield dataset, pair
+        for number, pair in enumerate(dataset.pairs()):
+            yield dataset, dataclasses.replace(pair, sweep=number == 0)
 
 
 def total_of(datasets: Sequence[Dataset]) -> int | None:

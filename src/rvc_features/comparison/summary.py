@@ -87,7 +87,8 @@ class Section:
     breakdowns: tuple[Table, ...]     # one measure each: contestants by groups
     epsilon_curve: Curve | None
     change_curves: tuple[Curve, ...]
-    times: tuple[tuple[tuple[float, float], ...], ...]   # by contestant: (points found, ms) of every image
+    times: tuple[tuple[tuple[float, float], ...], ...]    # by contestant: (points found, ms) of every image
+    sweeps: tuple[tuple[tuple[float, float], ...], ...]   # by contestant: the same on one image, for rising numbers
     notes: tuple[str, ...]
 
 
@@ -192,6 +193,7 @@ def _section(kind: str, title: str, introduction: str, chosen: Sequence[Measured
                     for found, times in zip(pair.result['contestants'][label]['found'],
                                             pair.result['contestants'][label]['milliseconds']))
               for label in labels),
+        tuple(tuple((float(found), ms) for found, ms in _sweep(chosen, label)) for label in labels),
         _notes(kind, chosen, datasets, labels, points))
 
 
@@ -306,14 +308,22 @@ def _notes(kind: str, chosen: Sequence[Measured], datasets: Sequence[data.Datase
                          f'the first: {dataset.skipped[0]}.')
     if len(chosen) == 1:
         notes.append('There is one pair only: no interval can be given, and a small difference means nothing.')
+    fewer: dict[int, list[str]] = {}
     for label in labels:
         short = sum(1 for pair in chosen if min(pair.result['contestants'][label]['found']) < points)
+        fewer.setdefault(short, []).append(label)
+    for short, those in fewer.items():
         if short:
-            notes.append(f'{label} found fewer than {points} points on {short} of {len(chosen)} pairs: there it is '
-                         'compared with fewer, and usually better, points than the others.')
+            notes.append(f'Fewer than {points} points on {short} of {len(chosen)} pairs: {"; ".join(those)}. Fewer are '
+                         'compared there, usually better ones, so the comparison with the others is not quite fair.')
     if kind == data.FRAMES and any('tracked' not in pair.result['contestants'][labels[0]] for pair in chosen[:-1]):
         notes.append('Where two images that follow each other differ in size, nothing is tracked.')
     return tuple(notes)
+
+
+def _sweep(chosen: Sequence[Measured], label: str) -> list[tuple[int, float]]:
+    return next((pair.result['contestants'][label]['sweep'] for pair in chosen
+                 if 'sweep' in pair.result['contestants'][label]), [])
 
 
 def _matrix(value: Callable[[dict[str, Any]], float | None], chosen: Sequence[Measured],

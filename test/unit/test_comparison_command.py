@@ -1,0 +1,375 @@
+"""The whole tool: numbers end to end, bad input, interruption and resumption, workers."""
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from conftest import texture
+
+from rvc_features import detectors
+from rvc_features.comparison import command, measures, warps
+
+SOURCE = Path(__file__).resolve().parents[2] / 'src'
+QUICK = '--repeats', '1', '-d', 'harris', '-d', 'fast:threshold=5'
+
+
+@pytest.fixture(scope='module')
+def sequence(tmp_path_factory):
+    """A photograph, turned and zoomed, in the Oxford layout."""
+    folder = tmp_path_factory.mktemp('data') / 'wall'
+    folder.mkdir()
+    photograph = texture((300, 390), smoothing=2.5)
+    cv2.imwrite(str(folder / 'img1.png'), warps.reference(photograph))
+    for number, (kind, amount) in enumerate((('rotation', 20), ('zoom', 0.8)), 2):
+        image, homography = warps.warped(photograph, kind, amount)
+        cv2.imwrite(str(folder / f'img{number}.png'), image)
+        np.savetxt(folder / f'H1to{number}p', homography)
+    return folder
+
+
+def read_csv(path):
+    with open(path, newline='') as file:
+        return list(csv.DictReader(file))
+
+
+def main(*arguments):
+    return command.main([str(argument) for argument in arguments])
+
+
+def start(*arguments):
+    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), os.environ.get('PYTHONPATH', '')])}
+    return subprocess.Popen([sys.executable, '-m', 'rvc_features.comparison.command', *map(str, arguments)],
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+
+
+# Numbers ------------------------------------------------------------------------------------------------------------
+
+def test_the_numbers_are_those_of_the_protocol(sequence, tmp_path):
+    assert main(sequence, '--output', tmp_path, *QUICK, '--points', 200) == 0
+    rows = {(row['pair'], row['detector']): row for row in read_csv(tmp_path / 'pairs.csv')}
+    assert len(rows) == 4
+
+    # The protocol once more, written down plainly.
+    for number in (2, 3):
+        matrix = np.loadtxt(sequence / f'H1to{number}p')
+        images = [cv2.imread(str(sequence / f'img{i}.png'), cv2.IMREAD_GRAYSCALE) for i in (1, number)]
+        height, width = images[0].shape
+        first, second = ([(float(p['x']), float(p['y'])) for p in detectors.create('harris').detect_arrays(image)[:200]]
+                         for image in images)
+
+        def moved(point, by):
+            x, y, w = by @ (*point, 1)
+            return x / w, y / w
+
+        def seen(point, width=width, height=height):
+            return 0 <= point[0] < width and 0 <= point[1] < height
+
+        first = [moved(p, matrix) for p in first if seen(moved(p, matrix))]
+        second = [p for p in second if seen(moved(p, np.linalg.inv(matrix)))]
+        gaps = [[np.hypot(p[0] - q[0], p[1] - q[1]) for q in second] for p in first]
+        mutual = [min(row) for i, row in enumerate(gaps)
+                  if min(other[row.index(min(row))] for other in gaps) == min(row)]
+        row = rows[f'1 to {number}', 'harris']
+        assert (int(row['in_region_1']), int(row['in_region_2'])) == (len(first), len(second))
+        for epsilon in (1.5, 3):
+            expected = sum(gap <= epsilon for gap in mutual) / min(len(first), len(second))
+            assert float(row[f'repeatability_{epsilon:g}']) == pytest.approx(expected, abs=1e-5)
+            assert 0 < float(row[f'chance_{epsilon:g}']) < expected
+        assert float(row['error_px']) == pytest.approx(np.mean([gap for gap in mutual if gap <= 3]), abs=1e-4)
+
+    means = {(row['group'], row['measure'], row['detector']): row for row in read_csv(tmp_path / 'summary.csv')}
+    mean = means['all', 'repeatability_1.5', 'harris']
+    assert float(mean['value']) == pytest.approx(
+        np.mean([float(rows[f'1 to {number}', 'harris']['repeatability_1.5']) for number in (2, 3)]), abs=1e-5)
+    assert mean['pairs'] == '2'
+
+
+def test_a_picture_and_itself(tmp_path, capsys):
+    folder = tmp_path / 'same'
+    folder.mkdir()
+    for number in (1, 2):
+        cv2.imwrite(str(folder / f'img{number}.png'), texture((200, 260)))
+    (folder / 'H1to2p').write_text('1 0 0\n0 1 0\n0 0 1\n')
+    assert main(folder, '--output', tmp_path / 'out', '--repeats', 1, '--points', 100) == 0
+    for row in read_csv(tmp_path / 'out' / 'pairs.csv'):
+        assert (row['repeatability_0.5'], row['error_px']) == ('1', '0')
+        assert row['matches'] == row['right_matches']
+    assert 'one pair' in capsys.readouterr().out.lower()
+
+
+def test_frames_without_ground_truth(tmp_path):
+    folder = tmp_path / 'drive'
+    folder.mkdir()
+    scene = texture((200, 400), smoothing=2.0)
+    for number in range(3):
+        cv2.imwrite(str(folder / f'{number:03}.png'), scene[:, 4 * number:4 * number + 260])
+    assert main(folder, '--output', tmp_path / 'out', *QUICK, '--points', 100) == 0
+    rows = read_csv(tmp_path / 'out' / 'pairs.csv')
+    assert [row['pair'] for row in rows[::2]] == ['000.png', '001.png', '002.png']
+    assert all(float(row['tracked']) > 0.9 for row in rows[:4])
+    assert all(float(row['motion_px']) == pytest.approx(4, abs=0.1) for row in rows[:4])
+    assert rows[4]['tracked'] == ''
+    assert all(row['repeatability_1.5'] == '' for row in rows)
+
+
+def test_own_detectors_by_import(sequence, tmp_path, monkeypatch):
+    (tmp_path / 'my_own_detector.py').write_text(
+        'from dataclasses import dataclass\n'
+        'from rvc_features import detectors, key_points\n'
+        'from rvc_features.feature_detector import FeatureDetector\n'
+        '@detectors.register\n@dataclass(frozen=True)\n'
+        'class Corner(FeatureDetector):\n'
+        "    name = 'top_left'\n"
+        '    def detect_impl(self, image, mask):\n'
+        '        return key_points.empty(1)\n')
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, 'path', list(sys.path))
+    monkeypatch.setattr(detectors, '_registered', dict(detectors._registered))
+    assert main(sequence, '--output', 'out', '--repeats', 1, '--import', 'my_own_detector', '-d', 'top_left') == 0
+    assert {row['found_1'] for row in read_csv('out/pairs.csv')} == {'1'}
+    assert main(sequence, '--output', 'out', '--import', 'no_such_module') == 2
+
+
+# The report ---------------------------------------------------------------------------------------------------------
+
+class Page(HTMLParser):
+    def __init__(self, text):
+        super().__init__()
+        self.sources, self.open, self.words = [], [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        self.sources += [value for name, value in attributes if name in ('src', 'href', 'srcset', 'data')]
+        if tag not in ('meta', 'img', 'br', 'line', 'circle', 'link'):
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if tag not in ('line', 'circle'):
+            assert self.open.pop() == tag
+
+    def handle_data(self, data):
+        self.words.append(data)
+
+
+def test_the_report_needs_nothing_else(sequence, tmp_path):
+    assert main(sequence, '--output', tmp_path, '--repeats', 1, '-d', 'harris', '-d', '<b>&"=fast', '--title', 'A < B') == 0
+    text = (tmp_path / 'report.html').read_text()
+    page = Page(text)
+    assert page.open == []
+    assert all(source.startswith(('data:image/', '#')) for source in page.sources)
+    assert not re.search(r'https?://|<script|@import|url\(', text)
+    assert '<b>&"' in page.words            # a label is text, whatever is in it
+    assert 'A < B' in page.words
+    said = ' '.join(page.words)
+    for what in ('repeatability, 1.5 px', 'share of the points in the region both images see', 'chance',
+                 'window_size', cv2.__version__, np.__version__, 'numpy', 'time against points', 'In short'):
+        assert what in said
+    assert text.count('data:image/jpeg') == 2     # a picture for each detector
+    markdown = (tmp_path / 'report.md').read_text()
+    for row in read_csv(tmp_path / 'summary.csv'):
+        if row['measure'] == 'repeatability_1.5' and row['group'] == 'all':
+            assert f'{float(row["value"]):.3f}' in markdown
+            assert f'{float(row["value"]):.3f}' in text
+
+
+def test_the_best_is_marked_and_what_can_not_be_told_apart(sequence, tmp_path):
+    assert main(sequence, '--output', tmp_path, '--repeats', 1, '-d', 'a=harris', '-d', 'b=harris',
+                '-d', 'c=harris:subpixel=no,window=box,window_size=15') == 0
+    rows = {row['detector']: row for row in read_csv(tmp_path / 'summary.csv')
+            if row['measure'] == 'repeatability_1.5' and row['group'] == 'all'}
+    assert [rows[label]['best'] for label in 'abc'] == ['1', '1', '0']     # equals are both best
+    assert rows['c']['as_good_as_best'] == '0'
+
+
+# Bad input ----------------------------------------------------------------------------------------------------------
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (['nowhere'], 'nowhere: no such file or folder'),
+    (['{data}', '-d', 'surf'], "unknown detector 'surf'; there are fast"),
+    (['{data}', '-d', 'harris:size=3'], "harris has no parameter 'size'; it has window_size"),
+    (['{data}', '--detectors-from', 'no.yaml'], 'no.yaml: No such file'),
+    (['--pair', '{data}/img1.png', '{data}/img2.png', '{data}/H'], '{data}/H: No such file'),
+    (['--photograph', '{data}/H1to2p'], 'H1to2p: not an image'),
+])
+def test_bad_input_is_one_line_and_status_2(sequence, tmp_path, capsys, arguments, said):
+    assert main(*(each.format(data=sequence) for each in arguments), '--output', tmp_path / 'out') == 2
+    error = capsys.readouterr().err
+    assert said.format(data=sequence) in error
+    assert error.startswith('compare_detectors: ')
+    assert error.count('\n') == 1
+    assert 'Traceback' not in error
+
+
+@pytest.mark.parametrize('arguments', [['--points', '0'], ['--epsilon', '-1'], ['--workers', 'x'], ['--every', '0']])
+def test_bad_options(arguments, capsys):
+    with pytest.raises(SystemExit) as stop:
+        main(*arguments)
+    assert stop.value.code == 2
+    assert f'argument {arguments[0]}' in capsys.readouterr().err
+
+
+def test_an_output_that_can_not_be_written(sequence, tmp_path, capsys):
+    (tmp_path / 'file').write_text('')
+    assert main(sequence, '--output', tmp_path / 'file' / 'out') == 2
+    assert 'give another folder with --output' in capsys.readouterr().err
+
+
+# Going on -----------------------------------------------------------------------------------------------------------
+
+def results_in(folder):
+    return sorted((folder / 'results').glob('*.json'))
+
+
+def without_times(rows):
+    return [{name: value for name, value in row.items() if not name.startswith('median_ms')} for row in rows]
+
+
+@pytest.fixture(scope='module')
+def photograph(tmp_path_factory):
+    path = tmp_path_factory.mktemp('photograph') / 'photo.png'
+    cv2.imwrite(str(path), texture((240, 300), smoothing=2.0))
+    return path
+
+
+@pytest.fixture(scope='module')
+def uninterrupted(photograph, tmp_path_factory):
+    folder = tmp_path_factory.mktemp('uninterrupted')
+    assert main('--photograph', photograph, '--output', folder, *QUICK) == 0
+    return folder
+
+
+def test_a_second_call_gives_the_same_report(photograph, uninterrupted, capsys):
+    before = {path.name: path.read_bytes() for path in uninterrupted.iterdir() if path.is_file()}
+    assert set(before) == {'report.html', 'report.md', 'summary.csv', 'pairs.csv', 'comparison.png'}
+    times = {path: path.stat().st_mtime_ns for path in results_in(uninterrupted)}
+    assert main('--photograph', photograph, '--output', uninterrupted, *QUICK) == 0
+    assert {path.name: path.read_bytes() for path in uninterrupted.iterdir() if path.is_file()} == before
+    assert {path: path.stat().st_mtime_ns for path in results_in(uninterrupted)} == times
+
+
+@pytest.mark.parametrize(('number', 'workers'), [(signal.SIGKILL, 1), (signal.SIGKILL, 2), (signal.SIGTERM, 2),
+                                                 (signal.SIGINT, 1)])
+def test_it_goes_on_after_an_interruption(photograph, uninterrupted, tmp_path, number, workers):
+    arguments = ('--photograph', photograph, '--output', tmp_path, *QUICK, '--workers', workers)
+    process = start(*arguments)
+    try:
+        deadline = time.monotonic() + 60
+        while len(results_in(tmp_path)) < 3:
+            assert process.poll() is None, process.communicate()[1]
+            assert time.monotonic() < deadline
+            time.sleep(0.002)
+        process.send_signal(number)
+        _, errors = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    finished = results_in(tmp_path)
+    if number == signal.SIGKILL:
+        assert process.returncode == -signal.SIGKILL
+    else:
+        assert process.returncode == 128 + number
+        assert errors.splitlines()[-1].endswith('and the same command goes on from there.')
+        assert 'Traceback' not in errors
+    assert 3 <= len(finished) < len(results_in(uninterrupted))
+    assert not (tmp_path / 'report.html').exists()
+
+    finished[0].write_text(finished[0].read_text()[:50])        # torn, as by a full disk
+    finished[1].write_text('[]')
+    kept = {path: path.stat().st_mtime_ns for path in finished[2:]}
+    assert main(*arguments) == 0
+    assert {path: path.stat().st_mtime_ns for path in kept} == kept
+    assert [path.name for path in results_in(tmp_path)] == [path.name for path in results_in(uninterrupted)]
+    assert without_times(read_csv(tmp_path / 'pairs.csv')) == without_times(read_csv(uninterrupted / 'pairs.csv'))
+
+
+def test_what_changes_is_measured_anew(sequence, tmp_path):
+    def run(*more):
+        assert main(sequence, '--output', tmp_path, *QUICK, *more) == 0
+        return len(results_in(tmp_path))
+
+    assert run() == 2
+    assert run() == 2
+    assert run('--points', 100) == 4
+    assert run('--seed', 7) == 6
+    original = (sequence / 'H1to3p').read_text()
+    (sequence / 'H1to3p').write_text(original.replace('0.0000', '0.0001', 1))
+    try:
+        assert run() == 7
+    finally:
+        (sequence / 'H1to3p').write_text(original)
+
+
+def test_results_are_whole_json(uninterrupted):
+    for path in results_in(uninterrupted):
+        content = json.loads(path.read_text())
+        assert content['key'] == path.stem
+        assert set(content['result']['contestants']) == {'harris', 'fast'}
+
+
+# Somewhere else -----------------------------------------------------------------------------------------------------
+
+def test_a_dask_cluster_gives_the_same_numbers(photograph, uninterrupted, tmp_path, monkeypatch):
+    distributed = pytest.importorskip('distributed', reason='Dask is not installed')
+    monkeypatch.setenv('PYTHONPATH', os.pathsep.join([str(SOURCE), os.environ.get('PYTHONPATH', '')]))
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None,
+                                  worker_dashboard_address=None, host='127.0.0.1') as cluster:
+        assert main('--photograph', photograph, '--output', tmp_path, *QUICK,
+                    '--dask-scheduler', cluster.scheduler_address) == 0
+    assert without_times(read_csv(tmp_path / 'pairs.csv')) == without_times(read_csv(uninterrupted / 'pairs.csv'))
+    assert {json.loads(path.read_text())['result']['concurrent'] for path in results_in(tmp_path)} == {2}
+
+
+def test_a_dask_scheduler_that_is_not_there(sequence, tmp_path, capsys, monkeypatch):
+    pytest.importorskip('distributed', reason='Dask is not installed')
+    from rvc_features.comparison import runner
+    monkeypatch.setattr(runner, '_DASK_TIMEOUT', 0.5)
+    assert main(sequence, '--output', tmp_path, '--dask-scheduler', 'tcp://127.0.0.1:9') == 2
+    assert 'no Dask scheduler answers at tcp://127.0.0.1:9' in capsys.readouterr().err
+
+
+def test_without_dask_one_sentence(sequence, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'distributed', None)
+    assert main(sequence, '--output', tmp_path, '--dask-scheduler', 'tcp://127.0.0.1:9') == 2
+    assert '--dask-scheduler needs Dask, which is not installed here: python3 -m pip install' in capsys.readouterr().err
+
+
+def test_no_ros_is_needed():
+    program = ('import sys\n'
+               'class NoRos:\n'
+               '    def find_spec(self, name, path=None, target=None):\n'
+               "        if name.split('.')[0] in {'rospy', 'rosbag', 'roslib', 'genpy', 'sensor_msgs', 'std_msgs'}:\n"
+               "            raise ImportError('imports ' + name)\n"
+               'sys.meta_path.insert(0, NoRos())\n'
+               'from rvc_features.comparison import command\n'
+               "sys.exit(command.main(['drive.bag', '--kind', 'bag']))\n")
+    result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, cwd=SOURCE, timeout=60,
+                            env={**os.environ, 'PYTHONPATH': str(SOURCE)}, check=False)
+    assert (result.returncode, result.stderr.count('\n')) == (2, 1), result.stderr
+    assert 'drive.bag: no such file' in result.stderr
+
+
+def test_every_detector_is_timed_in_turn(monkeypatch):
+    from rvc_features.comparison import pair_task
+    order = []
+
+    class Fake:
+        def __init__(self, name):
+            self.name = name
+
+        def detect(self, image):
+            order.append(self.name)
+            return []
+
+    points, times = pair_task._detected([Fake('a'), Fake('b')], [np.zeros((2, 2))], repeats=2)
+    assert order == ['a', 'b'] * 3       # one round to warm up, two timed
+    assert [len(each) for each in times[0]] == [2, 2]
+    assert measures.covered_cells(np.empty((0, 2)), (2, 2)) == 0
