@@ -273,15 +273,17 @@ def _places(points: np.ndarray) -> list[list[int]]:
 
 def _nearest(points: np.ndarray, others: np.ndarray, other: bool = False) -> tuple[np.ndarray, np.ndarray]:
     """Index of and distance to the nearest of `others`; with `other`, both are one set and a point is not its own."""
-    index, distance = np.empty(len(points), np.intp), np.empty(len(points))
+    index, squared_distance = np.empty(len(points), np.intp), np.empty(len(points))
     for start in range(0, len(points), _BLOCK):
-        block = slice(start, start + _BLOCK)
-        squared = ((points[block, None] - others[None]) ** 2).sum(axis=2)
+        block = points[start:start + _BLOCK]
+        squared = (block[:, 0, None] - others[:, 0]) ** 2
+        squared += (block[:, 1, None] - others[:, 1]) ** 2
+        rows = np.arange(len(block))
         if other:
-            squared[np.arange(len(squared)), np.arange(start, start + len(squared))] = np.inf
-        index[block] = squared.argmin(axis=1)
-        distance[block] = np.sqrt(squared.min(axis=1))
-    return index, distance
+            squared[rows, start + rows] = np.inf
+        nearest = squared.argmin(axis=1)
+        index[start:start + _BLOCK], squared_distance[start:start + _BLOCK] = nearest, squared[rows, nearest]
+    return index, np.sqrt(squared_distance)
 
 
 _BLOCK = 512   # rows of a distance matrix at a time, so that memory stays small for thousands of points
