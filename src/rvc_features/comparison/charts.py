@@ -146,7 +146,7 @@ def _logarithmic_ticks(bottom: float, top: float) -> list[float]:
 
 def _round_up(value: float) -> float:
     power = 10.0 ** math.floor(math.log10(value))
-    return next(step * power for step in (1, 2, 4, 6, 8, 10) if step * power >= value)
+    return next(step * power for step in (1, 1.2, 1.6, 2, 2.4, 3, 4, 6, 8, 10) if step * power >= value)
 
 
 def _evenly_chosen(values: Sequence[tuple[float, float]], most: int) -> list[tuple[float, float]]:

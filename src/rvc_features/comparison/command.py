@@ -99,6 +99,8 @@ def _datasets(given: argparse.Namespace) -> list[Dataset]:
     chosen = datasets.open_inputs(given.input, options)
     chosen += [datasets.single_pair(first, second, homography, options) for first, second, homography in given.pair]
     chosen += [datasets.synthetic(path, options) for path in given.photograph]
+    if given.examples:
+        chosen += datasets.examples(options)
     return datasets.with_distinct_names(chosen or [datasets.synthetic(None, options)])
 
 
@@ -135,6 +137,8 @@ def _parser() -> argparse.ArgumentParser:
                       help='two images and the file with the homography between them; may be repeated')
     what.add_argument('--photograph', action='append', default=[], metavar='IMAGE',
                       help='a photograph to put under known changes; may be repeated')
+    what.add_argument('--examples', action='store_true',
+                      help='a real pair, photographs and a video that come with Debian\'s opencv-doc')
     what.add_argument('--every', type=_integer(1), default=1, metavar='N',
                       help='take every N-th frame of videos, bags and images (default: %(default)s)')
     what.add_argument('--maximum-frames', type=_integer(1), metavar='N', help='stop after N frames of each input')

@@ -70,7 +70,8 @@ def from_specification(label: str, name: str, values: Mapping[str, Any], thinned
 def presets(count: int) -> list[Contestant]:
     """What is compared when nothing is named: each detector asked for the same number of points."""
     strongest = {'fixed_number_of_points': True, 'number_of_points': count}
-    tuned = {'derivative_sigma': 0.7, 'window_size': 9, 'border': 4}
+    # The best of a grid on three real sequences; docs/comparison.md.
+    tuned = {'derivative_sigma': 0.9, 'window_size': 7, 'border': 4}
     limit = {'number_of_points': count}
     chosen: list[tuple[str, str, dict[str, Any], float]] = [
         ('Harris', 'harris', strongest, 0),

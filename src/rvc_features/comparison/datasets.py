@@ -116,14 +116,39 @@ def synthetic(photograph: str | None, options: Options) -> Dataset:
         first = warps.reference(image)
         for kind, amount in warps.all_changes():
             second, homography = warps.warped(image, kind, amount, options.seed)
-            yield Pair(f'{name}: {kind}', f'{amount:g} {warps.KINDS[kind][0]}', amount, first, second, homography)
+            yield Pair(kind, f'{name}, {amount:g} {warps.KINDS[kind][0]}', amount, first, second, homography)
 
     height, width = (int(side / warps.SHRINK) for side in image.shape)
     return Dataset(f'{name}, warped', SYNTHETIC,
                    f'{os.path.basename(path or "a generated picture")} at {width}x{height} pixels under known '
                    'rotations, zooms, tilts, blur, noise, JPEG compression and light changes',
                    sum(1 for _ in warps.all_changes()), make_pairs,
-                   {f'{name}: {kind}': unit for kind, (unit, _) in warps.KINDS.items()})
+                   {kind: unit for kind, (unit, _) in warps.KINDS.items()})
+
+
+def examples(options: Options) -> list[Dataset]:
+    """A real pair with ground truth, photographs and a video, all of OpenCV's own examples.
+
+    Raises
+    ------
+    SourceError
+        Where they are not installed.
+    """
+    names = ('graf1.png', 'graf3.png', 'H1to3p.xml', *_EXAMPLE_PHOTOGRAPHS, _EXAMPLE_VIDEO)
+    paths = {name: warps.opencv_example(name) for name in names}
+    missing = [name for name, path in paths.items() if path is None]
+    if missing:
+        raise SourceError(f'{", ".join(missing)}: not found in {warps.OPENCV_EXAMPLES[0]}; they come with the package '
+                          'opencv-doc (sudo apt-get install opencv-doc)')
+    found = {name: path for name, path in paths.items() if path is not None}
+    few_frames = dataclasses.replace(options, maximum_frames=options.maximum_frames or _EXAMPLE_FRAMES)
+    return [single_pair(found['graf1.png'], found['graf3.png'], found['H1to3p.xml'], options),
+            *(synthetic(found[name], options) for name in _EXAMPLE_PHOTOGRAPHS),
+            _video(found[_EXAMPLE_VIDEO], few_frames)]
+
+
+_EXAMPLE_PHOTOGRAPHS = 'building.jpg', 'home.jpg', 'aloeL.jpg'
+_EXAMPLE_VIDEO, _EXAMPLE_FRAMES = 'vtest.avi', 20
 
 
 def with_distinct_names(datasets: Sequence[Dataset]) -> list[Dataset]:
@@ -284,6 +309,8 @@ def _frames(name: str, description: str, source: ImageFiles | Video | BagImages,
     count = -(-len(source) // options.every)
     if options.maximum_frames is not None:
         count = min(count, options.maximum_frames)
+    if 0 < count < len(source):
+        description += f', {count} of them taken'
     return Dataset(name, FRAMES, description, count or None, make_pairs)
 
 

@@ -26,7 +26,7 @@ HTML, MARKDOWN, SUMMARY_CSV, PAIRS_CSV, PICTURE = \
     'report.html', 'report.md', 'summary.csv', 'pairs.csv', 'comparison.png'
 
 MARKS = ('Green: the best of its column. Pale green with ≈: not told apart from the best by these data; the 95 % '
-         'bootstrap interval of the difference, over the same pairs, includes zero (for times: the quartiles overlap). '
+         'bootstrap interval of the difference, over the same pairs, includes zero. '
          'Small figures: the 95 % interval of the mean, drawn over pairs (for times: the quartiles).')
 
 

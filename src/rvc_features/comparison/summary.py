@@ -107,8 +107,8 @@ def sections(measured: Sequence[Measured], datasets: Sequence[data.Dataset], lab
 _KINDS = (
     (data.SEQUENCE, 'Real images with ground truth',
      'A homography, measured by the makers of the data, says where every point of the first image lies in the second.'),
-    (data.SYNTHETIC, 'A photograph under known changes',
-     'Both images of a pair are drawn from one photograph, so that where every point goes is known exactly. '
+    (data.SYNTHETIC, 'Photographs under known changes',
+     'Both images of a pair are drawn from one photograph, so where every point goes is known exactly. '
      'Real cameras are less kind.'),
     (data.FRAMES, 'Recordings without ground truth',
      'Nothing says where points go; each frame is compared with the next by tracking its points there and back.'),
@@ -206,12 +206,13 @@ def table(title: str, columns: Sequence[Column], chosen: Sequence[Measured], lab
 
 def cells(column: Column, chosen: Sequence[Measured], labels: tuple[str, ...], seed: int) -> list[Cell]:
     """One column: a cell for each contestant."""
-    if column.is_time:
-        return _time_cells(column, chosen, labels)
     values = _matrix(column.value, chosen, labels)
     chances = _matrix(column.chance, chosen, labels) if column.chance else None
     counts = (~np.isnan(values)).sum(axis=0)
     means = [float(np.nanmean(values[:, i])) if counts[i] else None for i in range(len(labels))]
+    if column.is_time:
+        quartiles = [_quartiles(chosen, label) for label in labels]
+        means = [quartile[1] for quartile in quartiles]
     best = _best(means, column.better)
     resampled = measures.bootstrap_means(values, seed) if len(values) > 1 else None
 
@@ -224,29 +225,18 @@ def cells(column: Column, chosen: Sequence[Measured], labels: tuple[str, ...], s
         if resampled is not None and counts[i] > 1:
             low, high = measures.interval(resampled[:, i])
             if best and i not in best and counts[best[0]] > 1:
-                worst, most = measures.interval(resampled[:, i] - resampled[:, best[0]])
-                as_good = worst <= 0 <= most
+                least, most = measures.interval(resampled[:, i] - resampled[:, best[0]])
+                as_good = least <= 0 <= most
+        if column.is_time:
+            low, _, high = quartiles[i]
         made.append(Cell(mean, low, high, i in best, as_good, chance, int(counts[i])))
     return made
 
 
-def _time_cells(column: Column, chosen: Sequence[Measured], labels: tuple[str, ...]) -> list[Cell]:
-    quartiles = []
-    for label in labels:
-        samples = [time for pair in chosen for times in pair.result['contestants'][label]['milliseconds']
-                   for time in times]
-        quartiles.append(np.percentile(samples, [25, 50, 75]) if samples else None)
-    medians = [None if each is None else float(each[1]) for each in quartiles]
-    best = _best(medians, column.better)
-    made = []
-    for i, each in enumerate(quartiles):
-        if each is None:
-            made.append(Cell(None))
-            continue
-        leader = quartiles[best[0]] if best else None
-        as_good = i not in best and leader is not None and bool(each[0] <= leader[2])   # the quartiles overlap
-        made.append(Cell(float(each[1]), float(each[0]), float(each[2]), i in best, as_good, None, len(chosen)))
-    return made
+def _quartiles(chosen: Sequence[Measured], label: str) -> tuple[float, float, float]:
+    samples = [time for pair in chosen for times in pair.result['contestants'][label]['milliseconds'] for time in times]
+    low, middle, high = np.percentile(samples, [25, 50, 75])
+    return float(low), float(middle), float(high)
 
 
 def _best(means: Sequence[float | None], better: str) -> list[int]:
@@ -286,16 +276,22 @@ def _epsilon_curve(kind: str, chosen: Sequence[Measured], labels: tuple[str, ...
 
 def _change_curve(group: str, unit: str, column: Column, chosen: Sequence[Measured],
                   labels: tuple[str, ...]) -> Curve | None:
-    pairs = sorted((pair for pair in chosen if pair.group == group and pair.change is not None),
-                   key=lambda pair: pair.change or 0)
-    if len(pairs) < 2:
+    """One measure over the size of the change, the mean of the pairs that have the same."""
+    by_change: dict[float, list[Measured]] = {}
+    for pair in chosen:
+        if pair.group == group and pair.change is not None:
+            by_change.setdefault(pair.change, []).append(pair)
+    changes = sorted(by_change)
+    if len(changes) < 2:
         return None
-    values = _matrix(column.value, pairs, labels)
-    chances = _matrix(column.chance, pairs, labels) if column.chance else np.full_like(values, math.nan)
-    chance = [float(row[~np.isnan(row)].mean()) if not np.isnan(row).all() else None for row in chances]
-    return Curve(group, unit, tuple(float(pair.change or 0) for pair in pairs),
-                 tuple(f'{pair.change:g}' for pair in pairs), tuple(tuple(_plain(line)) for line in values.T),
-                 tuple(chance))
+
+    def means(value: Callable[[dict[str, Any]], float | None], of_labels: Sequence[str]) -> tuple[float | None, ...]:
+        return tuple(_mean([value(pair.result['contestants'][label]) for pair in by_change[change]
+                            for label in of_labels]) for change in changes)
+
+    return Curve(group, unit, tuple(changes), tuple(f'{change:g}' for change in changes),
+                 tuple(means(column.value, [label]) for label in labels),
+                 means(column.chance, labels) if column.chance else (None,) * len(changes))
 
 
 def _notes(kind: str, chosen: Sequence[Measured], datasets: Sequence[data.Dataset], labels: Sequence[str],
@@ -345,7 +341,3 @@ def _mean(values: Sequence[float | None] | None) -> float | None:
 def _median(times: Sequence[Sequence[float]]) -> float | None:
     samples = [time for image in times for time in image]
     return float(np.median(samples)) if samples else None
-
-
-def _plain(values: np.ndarray) -> list[float | None]:
-    return [None if np.isnan(value) else float(value) for value in values]

@@ -38,11 +38,13 @@ OPENCV_EXAMPLES = '/usr/share/doc/opencv-doc/examples/data', '/usr/share/doc/ope
 
 def default_photograph() -> str | None:
     """A photograph that comes with Debian's and Ubuntu's opencv-doc; None where that isn't installed."""
-    for folder in OPENCV_EXAMPLES:
-        path = os.path.join(folder, 'building.jpg')
-        if os.path.isfile(path):
-            return path
-    return None
+    return opencv_example('building.jpg')
+
+
+def opencv_example(name: str) -> str | None:
+    """Path of a file among OpenCV's examples, as Debian and Ubuntu install them; None where it isn't there."""
+    paths = (os.path.join(folder, name) for folder in OPENCV_EXAMPLES)
+    return next((path for path in paths if os.path.isfile(path)), None)
 
 
 def generated_photograph(seed: int = 1) -> np.ndarray:
