@@ -41,7 +41,7 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 from sensor_msgs.msg import Image
 
-from rvc_features import detector_config, key_points
+from rvc_features import detector_config, kernels, key_points
 from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
@@ -61,6 +61,8 @@ class FeatureDetectorNode:
     """Subscriber, worker and publishers; the detector is one reference that `update_config` swaps."""
 
     def __init__(self) -> None:
+        rospy.loginfo('compiling or loading the detector\'s hot loops: half a minute the first time on a machine')
+        rospy.loginfo('... took %.1f s', kernels.compile_all())
         self.statistics = NodeStatistics()
         self._import_detectors(rospy.get_param('~detector_modules', []))
         config_type = with_detectors(FeatureDetectorConfig)
