@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from html import escape
-from typing import Sequence
+from typing import Sequence, Tuple
 
 from rvc_features.comparison.summary import Curve
 
@@ -55,7 +55,7 @@ def lines(curve: Curve, labels: Sequence[str], evenly: bool) -> str:
     return _svg(parts, curve.title)
 
 
-Times = Sequence[Sequence[tuple[float, float]]]   # by detector: points found, milliseconds
+Times = Sequence[Sequence[Tuple[float, float]]]   # by detector: points found, milliseconds
 
 
 def times(points: Times, sweeps: Times, labels: Sequence[str]) -> str:

@@ -35,18 +35,21 @@ def mosaic(pictures: Sequence[Picture], columns: int) -> np.ndarray:
     """The pictures side by side, each with its label and caption above it; uint8 (H, W, 3)."""
     height = max(picture.image.shape[0] for picture in pictures)
     width = max(picture.image.shape[1] for picture in pictures)
+    size = max(1.0, width / _PLAIN_WIDTH)   # of the letters, which must be readable on a large mosaic shown small
+    strip = round(_STRIP * size)
     rows = math.ceil(len(pictures) / columns)
-    canvas = np.full((rows * (height + _STRIP + _GAP) - _GAP, columns * (width + _GAP) - _GAP, 3), 255, np.uint8)
+    canvas = np.full((rows * (height + strip + _GAP) - _GAP, columns * (width + _GAP) - _GAP, 3), 255, np.uint8)
     for number, picture in enumerate(pictures):
-        y, x = number // columns * (height + _STRIP + _GAP), number % columns * (width + _GAP)
-        _write(canvas, picture.label, (x + 2, y + 15), 0.5, (0, 0, 0))
-        _write(canvas, picture.caption, (x + 2, y + 32), 0.4, (90, 90, 90))
+        y, x = number // columns * (height + strip + _GAP), number % columns * (width + _GAP)
+        _write(canvas, picture.label, (x + 2, y + round(15 * size)), width - 4, 0.5 * size, (0, 0, 0))
+        _write(canvas, picture.caption, (x + 2, y + round(32 * size)), width - 4, 0.4 * size, (90, 90, 90))
         image = picture.image
-        canvas[y + _STRIP:y + _STRIP + image.shape[0], x:x + image.shape[1]] = image
+        canvas[y + strip:y + strip + image.shape[0], x:x + image.shape[1]] = image
     return canvas
 
 
 _STRIP, _GAP = 40, 10   # pixels: the text above a picture, and between pictures
+_PLAIN_WIDTH = 400      # pixels: of wider pictures the letters grow with the width
 
 
 def _picture(pair: Pair, contestant: Contestant, points: int, epsilon: float, width: int) -> Picture:
@@ -82,6 +85,9 @@ def _drawn(image: np.ndarray, points: np.ndarray, colours: np.ndarray, width: in
     return pale
 
 
-def _write(canvas: np.ndarray, text: str, place: tuple[int, int], size: float, ink: tuple[int, int, int]) -> None:
+def _write(canvas: np.ndarray, text: str, place: tuple[int, int], width: int, size: float,
+           ink: tuple[int, int, int]) -> None:
     plain = text.encode('ascii', 'replace').decode()   # OpenCV's font has no other letters
+    (needed, _), _ = cv2.getTextSize(plain, cv2.FONT_HERSHEY_SIMPLEX, size, 1)
+    size *= min(1.0, width / max(needed, 1))
     cv2.putText(canvas, plain, place, cv2.FONT_HERSHEY_SIMPLEX, size, ink, 1, cv2.LINE_AA)

@@ -1,0 +1,118 @@
+"""A node that shows detectors side by side, live (exercise 3).
+
+    roslaunch rvc_features compare.launch in:=/camera/image_raw
+
+Subscribed topics
+    in (sensor_msgs/Image, or what ~image_transport names)
+        The camera. Subscribed to only while somebody listens to `mosaic`.
+
+Published topics
+    mosaic (sensor_msgs/Image and the other transports, bgr8)
+        A tile for each detector: name, number of points, milliseconds (the median of the last 15 images), points per
+        cell of an 8x8 grid and how many cells have any; the points are drawn in.
+
+Parameters
+    ~detectors (list of strings, default: harris, good_features_to_track, fast and orb, 500 points each)
+        In the form of the command line: [label=]detector[:parameter=value,...]; see docs/comparison.md.
+    ~tile_width (int, default: 640)
+        Pixels to which wider images are shrunk in the mosaic (not for the detectors).
+    ~image_transport (string, default: raw)
+        Transport of `in`.
+    ~detector_modules (list of strings, default: empty)
+        Python modules to import at start that register detectors of their own.
+
+All detectors take turns on the same image, in one thread; of images that come faster, the newest is taken.
+"""
+
+from __future__ import annotations
+
+import importlib
+import sys
+import threading
+import traceback
+from typing import Any
+
+import cv2
+import rospy
+
+from rvc_features.comparison import live
+from rvc_features.comparison.contestants import ContestantError
+from rvc_features.heap import keep_large_blocks
+from rvc_features.image_messages import ImageError, to_array
+from rvc_features.image_transport import ImageTransport, Subscriber
+from rvc_features.newest_worker import NewestWorker
+
+_WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
+_PATIENCE = 1.0         # seconds until the node notices that it has been told to end
+
+
+class CompareNode:
+    """Between the topics `in` and `mosaic`."""
+
+    def __init__(self, side_by_side: live.SideBySide) -> None:
+        self.side_by_side = side_by_side
+        self.worker = NewestWorker(self.process, 'compare')
+        self.subscriber: Subscriber | None = None
+        self._transport = ImageTransport()
+        self._listeners_changed = threading.Event()
+        changed = self._listeners_changed.set
+        self.publisher = self._transport.advertise('mosaic', subscriber_connected=changed,
+                                                   subscriber_disconnected=changed)
+
+    def process(self, message: Any) -> None:
+        """One image from message to mosaic, in the worker's thread; a bad one is reported and skipped."""
+        try:
+            mosaic = self.side_by_side.mosaic(to_array(message, 'bgr8'))
+            self.publisher.publish_array(mosaic, 'bgr8', message.header)
+        except ImageError as error:
+            rospy.logwarn_throttle(_WARNING_PERIOD, f'image skipped: {error}')
+        except Exception:   # of whatever detector is plugged in: the next frame may be better
+            rospy.logerr_throttle(_WARNING_PERIOD, f'image skipped:\n{traceback.format_exc()}')
+
+    def run(self) -> None:
+        """Subscribe while somebody listens; returns when the node is told to end."""
+        while not rospy.is_shutdown():
+            wanted = self.publisher.get_num_subscribers() > 0
+            if wanted and self.subscriber is None:
+                self.subscriber = self._transport.subscribe('in', self.worker.put, decode=False)
+            elif not wanted and self.subscriber is not None:
+                self.subscriber.shutdown()
+                self.subscriber = None
+            self._listeners_changed.wait(_PATIENCE)
+            self._listeners_changed.clear()
+        self.worker.stop()
+
+
+def main() -> int:
+    """Run the node until it is told to end; the exit status."""
+    keep_large_blocks()
+    cv2.setNumThreads(1)   # the times are to be comparable
+    rospy.init_node('compare')
+    try:
+        for module in rospy.get_param('~detector_modules', []):
+            importlib.import_module(module)
+        texts = rospy.get_param('~detectors', list(live.DEFAULT))
+        if not isinstance(texts, list) or not texts:
+            raise ContestantError(f'a list of detectors is wanted, such as {list(live.DEFAULT)}; got {texts!r}')
+        chosen = live.contestants([str(text) for text in texts])
+    except ContestantError as error:
+        rospy.logfatal(f'~detectors: {error}')
+        return 2
+    except ImportError as error:
+        rospy.logfatal(f'~detector_modules: {error}')
+        return 2
+    tile_width = rospy.get_param('~tile_width', 640)
+    if not isinstance(tile_width, int) or tile_width < 1:
+        rospy.logwarn(f'~tile_width must be an integer of at least 1; got {tile_width!r}, 640 is used')
+        tile_width = 640
+    try:
+        node = CompareNode(live.SideBySide(chosen, tile_width))
+    except ValueError as error:
+        rospy.logfatal(str(error))
+        return 2
+    node.run()
+    return 0
+
+
+if __name__ == '__main__':
+    sys.exit(main())

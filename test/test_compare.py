@@ -1,0 +1,72 @@
+#!/usr/bin/env python3
+"""launch/compare.launch: a mosaic of detectors, by default and with detectors of the user's choice."""
+
+import sys
+import unittest
+
+import cv2
+import numpy as np
+import rospy
+import rostest
+from ros_helpers import Camera, Inbox, exchange_until, texture
+from sensor_msgs.msg import CompressedImage, Image
+
+from rvc_features.image_messages import to_array
+
+MOSAIC = (2 * (240 + 40) + 10, 2 * 320 + 10, 3)   # of the four default detectors on 320 x 240 pixels
+
+
+class TestCompare(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        rospy.init_node('test_compare')
+
+    def setUp(self):
+        self.camera = Camera('/camera/image_raw')
+        self.addCleanup(self.camera.publisher.unregister)
+
+    def inbox(self, topic, message_class):
+        inbox = Inbox(topic, message_class)
+        self.addCleanup(inbox.close)
+        return inbox
+
+    def test_a_mosaic_with_the_stamp_of_its_image(self):
+        raw = self.inbox('/compare/mosaic', Image)
+        compressed = self.inbox('/compare/mosaic/compressed', CompressedImage)
+        exchange_until(self.camera, texture(), [raw, compressed])
+        smooth = cv2.GaussianBlur(texture(seed=1), (0, 0), 2)
+        stamp = self.camera.send(smooth)
+        message = raw.wait_for(lambda message: message.header.stamp == stamp, 'mosaic of the image sent')
+        self.assertEqual(message.header.frame_id, 'camera_optical')
+        picture = to_array(message, 'bgr8')
+        self.assertEqual(picture.shape, MOSAIC)
+        for y in (40, 40 + 240 + 50):      # four tiles, each the image with points in colour
+            for x in (0, 330):
+                tile = picture[y:y + 240, x:x + 320].astype(int)
+                drawn = np.ptp(tile, axis=2) > 0
+                self.assertGreater(drawn.sum(), 500)
+                self.assertLess(np.abs(tile - smooth[:, :, None])[~drawn].mean(), 1)
+        answer = compressed.wait_for(lambda message: message.header.stamp == stamp, 'the same, compressed')
+        self.assertEqual(to_array(answer, 'bgr8').shape, MOSAIC)
+
+    def test_detectors_of_the_users_choice(self):
+        mosaic = self.inbox('/two/compare/mosaic', Image)
+        exchange_until(self.camera, texture(), [mosaic])
+        stamp = self.camera.send(texture(seed=2))
+        picture = to_array(mosaic.wait_for(lambda message: message.header.stamp == stamp, 'mosaic'), 'bgr8')
+        self.assertEqual(picture.shape, (240 + 40, 2 * 320 + 10, 3))
+        one_point = picture[40:, 330:].astype(int)       # CentreDetector finds one, in the middle
+        drawn = np.argwhere(np.ptp(one_point, axis=2) > 60)
+        self.assertLess(np.abs(drawn - (120, 160)).max(), 10)
+        self.assertGreater(len(drawn), 5)
+
+    def test_a_bad_image_is_skipped(self):
+        mosaic = self.inbox('/compare/mosaic', Image)
+        exchange_until(self.camera, texture(), [mosaic])
+        self.camera.send(texture(), encoding='nonsense')
+        stamp = self.camera.send(texture(seed=3))
+        mosaic.wait_for(lambda message: message.header.stamp == stamp, 'the image after the bad one')
+
+
+if __name__ == '__main__':
+    rostest.rosrun('rvc_features', 'compare', TestCompare, sys.argv)
