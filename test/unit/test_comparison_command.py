@@ -46,10 +46,13 @@ def main(*arguments):
     return command.main([str(argument) for argument in arguments])
 
 
+def environment():
+    return {**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), os.environ.get('PYTHONPATH', '')])}
+
+
 def start(*arguments):
-    environment = {**os.environ, 'PYTHONPATH': os.pathsep.join([str(SOURCE), os.environ.get('PYTHONPATH', '')])}
     return subprocess.Popen([sys.executable, '-m', 'rvc_features.comparison.command', *map(str, arguments)],
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment)
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment())
 
 
 # Numbers ------------------------------------------------------------------------------------------------------------
@@ -353,7 +356,7 @@ def test_no_ros_is_needed():
                'from rvc_features.comparison import command\n'
                "sys.exit(command.main(['drive.bag', '--kind', 'bag']))\n")
     result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, cwd=SOURCE, timeout=60,
-                            env={**os.environ, 'PYTHONPATH': str(SOURCE)}, check=False)
+                            env=environment(), check=False)
     assert (result.returncode, result.stderr.count('\n')) == (2, 1), result.stderr
     assert 'drive.bag: no such file' in result.stderr
 

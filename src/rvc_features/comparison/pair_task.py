@@ -22,6 +22,7 @@ import numpy as np
 from rvc_features.comparison import contestants, measures
 from rvc_features.comparison.contestants import Contestant
 from rvc_features.comparison.datasets import Pair
+from rvc_features.heap import keep_large_blocks
 
 CURVE = 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0   # epsilons of the curves, in pixels
 SWEEP = 100, 250, 500, 1000, 2000   # points asked for, where time is measured against points
@@ -65,6 +66,7 @@ def key(pair: Pair, settings: Settings) -> str:
 def measure(pair: Pair, settings: Settings) -> dict[str, Any]:
     """All measures of all contestants on one pair, as what JSON can hold."""
     cv2.setNumThreads(1)
+    keep_large_blocks()   # as the node does; otherwise times are largely those of fresh memory
     group = settings.contestants()
     pictures = [pair.first] if pair.second is None else [pair.first, pair.second]
     points, milliseconds = _detected(group, pictures, settings.repeats)
@@ -90,7 +92,16 @@ def measure(pair: Pair, settings: Settings) -> dict[str, Any]:
 def versions() -> dict[str, str]:
     """What the numbers were made with."""
     return {'rvc_features': package_version(), 'opencv': cv2.__version__, 'numpy': np.__version__,
-            'python': platform.python_version()}
+            'python': platform.python_version(), 'numba': _numba_version()}
+
+
+@functools.lru_cache(maxsize=None)
+def _numba_version() -> str:
+    try:
+        import numba
+    except ImportError:
+        return 'none'
+    return numba.__version__
 
 
 @functools.lru_cache(maxsize=None)
