@@ -2,6 +2,7 @@
 """launch/compare.launch: a mosaic of detectors, by default and with detectors of the user's choice."""
 
 import sys
+import time
 import unittest
 
 import cv2
@@ -13,6 +14,7 @@ from sensor_msgs.msg import CompressedImage, Image
 
 from rvc_features.image_messages import to_array
 
+COMPILATION = 120.0   # seconds, at the most
 MOSAIC = (2 * (240 + 40) + 10, 2 * 320 + 10, 3)   # of the four default detectors on 320 x 240 pixels
 
 
@@ -20,6 +22,12 @@ class TestCompare(unittest.TestCase):
     @classmethod
     def setUpClass(cls):
         rospy.init_node('test_compare')
+        # The nodes compile before they advertise, which takes long where nothing is compiled yet and the machine busy.
+        deadline = time.monotonic() + COMPILATION
+        wanted = {'/compare/mosaic', '/two/compare/mosaic'}
+        while not wanted <= {topic for topic, _ in rospy.get_published_topics()}:
+            assert time.monotonic() < deadline, 'the nodes do not come up'
+            time.sleep(0.1)
 
     def setUp(self):
         self.camera = Camera('/camera/image_raw')

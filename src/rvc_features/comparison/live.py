@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import statistics
 import time
 from collections import deque
 from typing import Sequence
@@ -61,7 +62,7 @@ class SideBySide:
             points = contestant.detect(grey)
             milliseconds.append((time.perf_counter() - start) * 1000)
             tiles.append(pictures.Picture(
-                f'{contestant.label}: {len(points)} points, {np.median(milliseconds):.1f} ms',
+                f'{contestant.label}: {len(points)} points, {statistics.median(milliseconds):.1f} ms',
                 _cells_in_words(measures.positions(points), grey.shape),
                 draw_key_points(small, _scaled(points, scale))))
         return pictures.mosaic(tiles, math.ceil(math.sqrt(len(tiles))))

@@ -81,6 +81,8 @@ def as_text(sections: Sequence[Section]) -> str:
         rows = [['', *(column.heading for column in table.columns)]]
         rows += [[label, *(_marked(column, cell) for column, cell in zip(table.columns, row))]
                  for label, row in zip(table.labels, table.rows)]
+        chances = _chances(table)
+        rows += [['chance', *(f'{text} ' for text in chances)]] if any(chances) else []
         widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
         lines.append(f'\n{section.title} ({table.pairs} pair{"s" * (table.pairs != 1)}; * best, ~ as good)')
         lines += ['  '.join([row[0].ljust(widths[0]), *(text.rjust(width) for text, width in zip(row[1:], widths[1:]))])
@@ -117,6 +119,18 @@ def _markdown_table(table: Table) -> Iterator[str]:
             text = column.text(cell.value)
             cells.append(f'**{text}**' if cell.best else f'≈ {text}' if cell.as_good else text)
         yield f'| {label} | ' + ' | '.join(cells) + ' |'
+    chances = _chances(table)
+    if any(chances):
+        yield '| *chance* | ' + ' | '.join(chances) + ' |'
+
+
+def _chances(table: Table) -> list[str]:
+    """What random points would reach in each column: the mean over the detectors, which differ little in this."""
+    texts = []
+    for column, cells in zip(table.columns, zip(*table.rows)):
+        known = [cell.chance for cell in cells if cell.chance is not None]
+        texts.append(column.text(sum(known) / len(known)) if known else '')
+    return texts
 
 
 def _summary_csv(sections: Sequence[Section]) -> str:

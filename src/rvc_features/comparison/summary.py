@@ -154,7 +154,7 @@ def columns_for(kind: str, epsilons: Sequence[float], all_epsilons: Sequence[flo
     repeatable = tuple(
         Column(f'repeatability_{epsilon:g}', f'repeatability, {epsilon:g} px', '', HIGH, 3,
                f'share of the points in the region both images see that are found again within {epsilon:g} px, one to '
-               'one; in grey what as many points strewn at random would reach',
+               'one; beside it (chance) what as many points strewn at random would reach',
                entry('repeatability', epsilon), entry('chance', epsilon)) for epsilon in epsilons)
     return (*repeatable,
             Column('error', 'error', 'px', LOW, 2,
