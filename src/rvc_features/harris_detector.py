@@ -135,7 +135,7 @@ class HarrisDetector(FeatureDetector):
         if mask is not None:
             allowed = mask[y, x] != 0
             x, y = x[allowed], y[allowed]
-        return _Candidates(image, octave, h, x, y, h[y, x])
+        return _Candidates(image, octave, h, x, y, h.ravel().take(y * h.shape[1] + x))
 
     def _filter(self, candidates: list[_Candidates]) -> np.ndarray:
         strength = np.concatenate([of_octave.strength for of_octave in candidates])

@@ -157,8 +157,11 @@ def _reflect(index, length):
     """BORDER_REFLECT_101: dcb|abcd|cba."""
     if length == 1:
         return 0
-    index = abs(index) % (2 * length - 2)
-    return min(index, 2 * length - 2 - index)
+    if index < 0:
+        index = -index
+    if index >= 2 * length - 2:   # more than one reflection: a window larger than the image
+        index %= 2 * length - 2
+    return index if index < length else 2 * length - 2 - index
 
 
 @_kernel
@@ -167,13 +170,13 @@ def _gradients(image, y, taps, smoothed, sobel, gradients, slot):
     height, width = image.shape
     above, below = _reflect(y - 1, height), _reflect(y + 1, height)
     if len(taps) == 0:
-        _sobel(image[above], image[y], image[below], sobel, gradients, slot)
+        _sobel(image, above, y, below, width, sobel, gradients, slot)
         return
     if y == 0:
         _smooth_row(image, 0, taps, smoothed)
     if y + 1 < height:
         _smooth_row(image, y + 1, taps, smoothed)
-    _sobel(smoothed[above % 3, :width], smoothed[y % 3, :width], smoothed[below % 3, :width], sobel, gradients, slot)
+    _sobel(smoothed, above % 3, y % 3, below % 3, width, sobel, gradients, slot)
 
 
 @_kernel
@@ -193,16 +196,15 @@ def _smooth_row(image, y, taps, smoothed):
 
 
 @_kernel
-def _sobel(above, here, below, sobel, gradients, slot):
+def _sobel(image, above, here, below, width, sobel, gradients, slot):
     """First down the columns, then along the row."""
-    width = len(here)
     n = np.uint64(width)
     one, two = np.uint64(1), np.uint64(2)
     kind = sobel.dtype.type
     for i in range(n):
-        sobel[0, i + one] = kind(above[i]) + kind(2) * kind(here[i]) + kind(below[i])
+        sobel[0, i + one] = kind(image[above, i]) + kind(2) * kind(image[here, i]) + kind(image[below, i])
     for i in range(n):
-        sobel[1, i + one] = kind(below[i]) - kind(above[i])
+        sobel[1, i + one] = kind(image[below, i]) - kind(image[above, i])
     for part in range(2):
         sobel[part, 0] = sobel[part, min(2, width)]
         sobel[part, width + 1] = sobel[part, max(width - 1, 1)]
@@ -234,7 +236,7 @@ def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, so
                    _reflect(y - 1 - radius, height) % slots, width)
         _reflect_ends(columns, lead, stride, radius, width)
         _sum_neighbours(columns, lead - radius, window_size, 2 * stride + width, sums[2], sums[3], windows)
-        _combine(windows, stride, harris_k, 1.0 / window_size ** 4, out[y], largest)
+        _combine(windows, stride, harris_k, 1.0 / window_size ** 4, out, y, largest)
     return largest.max()
 
 
@@ -271,76 +273,83 @@ def _sum_neighbours(values, start, size, count, fours, sixteens, out):
     """
     n = np.uint64(count)
     at = np.uint64(start)
+    kind = values.dtype.type
     one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
     eight, twelve, sixteen = np.uint64(8), np.uint64(12), np.uint64(16)
     if size == 3:
         for i in range(n):
             j = at + i
-            out[i] = values[j] + values[j + one] + values[j + two]
+            out[i] = kind(values[j] + values[j + one]) + values[j + two]
         return
     if size == 5:
         for i in range(n):
             j = at + i
-            out[i] = (values[j] + values[j + one]) + (values[j + two] + values[j + three]) + values[j + four]
+            out[i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
+                      + values[j + four])
         return
+
     if size == 7:
         for i in range(n):
             j = at + i
-            out[i] = ((values[j] + values[j + one]) + (values[j + two] + values[j + three])
-                      + (values[j + four] + values[j + four + one]) + values[j + four + two])
+            out[i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
+                      + kind(kind(values[j + four] + values[j + four + one]) + values[j + four + two]))
         return
 
     quads = (size + 1) // 4
-    sign = values.dtype.type(size - 4 * quads)
     for i in range(n + np.uint64(size)):
         j = at + i
-        fours[i] = (values[j] + values[j + one]) + (values[j + two] + values[j + three])
-    at += np.uint64(size - 1 if sign > 0 else size)   # of the one more or less
-    if quads == 2:
+        fours[i] = kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three])
+    one_more = size > 4 * quads
+    at += np.uint64(size - 1 if one_more else size)
+    if quads <= 4:
+        if quads == 2:
+            for i in range(n):
+                out[i] = fours[i] + fours[i + four]
+        elif quads == 3:
+            for i in range(n):
+                out[i] = kind(fours[i] + fours[i + four]) + fours[i + eight]
+        else:
+            for i in range(n):
+                out[i] = kind(fours[i] + fours[i + four]) + kind(fours[i + eight] + fours[i + twelve])
+    else:
+        for i in range(n + sixteen):
+            sixteens[i] = kind(fours[i] + fours[i + four]) + kind(fours[i + eight] + fours[i + twelve])
+        reached = sixteen
+        if quads < 8:
+            for i in range(n):
+                out[i] = sixteens[i]
+        else:
+            for i in range(n):
+                out[i] = sixteens[i] + sixteens[i + sixteen]
+            reached += sixteen
+        if quads % 4 == 1:
+            for i in range(n):
+                out[i] += fours[i + reached]
+        elif quads % 4 == 2:
+            for i in range(n):
+                out[i] += kind(fours[i + reached] + fours[i + reached + four])
+        elif quads % 4 == 3:
+            for i in range(n):
+                out[i] += kind(kind(fours[i + reached] + fours[i + reached + four]) + fours[i + reached + eight])
+    if one_more:
         for i in range(n):
-            out[i] = fours[i] + fours[i + four] + sign * values[at + i]
-        return
-    if quads == 3:
-        for i in range(n):
-            out[i] = fours[i] + fours[i + four] + fours[i + eight] + sign * values[at + i]
-        return
-    if quads == 4:
-        for i in range(n):
-            out[i] = (fours[i] + fours[i + four]) + (fours[i + eight] + fours[i + twelve]) + sign * values[at + i]
-        return
-
-    for i in range(n + sixteen):
-        sixteens[i] = (fours[i] + fours[i + four]) + (fours[i + eight] + fours[i + twelve])
-    reached = sixteen
-    if quads < 8:
-        for i in range(n):
-            out[i] = sixteens[i] + sign * values[at + i]
+            out[i] += values[at + i]
     else:
         for i in range(n):
-            out[i] = sixteens[i] + sixteens[i + sixteen] + sign * values[at + i]
-        reached += sixteen
-    if quads % 4 == 1:
-        for i in range(n):
-            out[i] += fours[i + reached]
-    elif quads % 4 == 2:
-        for i in range(n):
-            out[i] += fours[i + reached] + fours[i + reached + four]
-    elif quads % 4 == 3:
-        for i in range(n):
-            out[i] += fours[i + reached] + fours[i + reached + four] + fours[i + reached + eight]
+            out[i] -= values[at + i]
 
 
-@_kernel
-def _combine(windows, stride, harris_k, scale, out, largest):
+@_kernel(fastmath={'contract'})
+def _combine(windows, stride, harris_k, scale, out, y, largest):
     """H = A C - B^2 - k (A + C)^2 of one row, and the largest value seen in each column."""
-    n = np.uint64(len(out))
+    n = np.uint64(len(largest))
     at_b, at_c = np.uint64(stride), np.uint64(2 * stride)
     for i in range(n):
         a, b, c = np.float64(windows[i]), np.float64(windows[at_b + i]), np.float64(windows[at_c + i])
         trace = a + c
-        out[i] = (a * c - b * b - harris_k * (trace * trace)) * scale
+        out[y, i] = (a * c - b * b - harris_k * (trace * trace)) * scale
     for i in range(n):
-        largest[i] = out[i] if out[i] > largest[i] else largest[i]
+        largest[i] = out[y, i] if out[y, i] > largest[i] else largest[i]
 
 
 @_kernel
@@ -363,7 +372,7 @@ def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, s
         _weigh_rows(products, slot, weights, lead, 2 * stride + width, columns)
         _reflect_ends(columns, lead, stride, radius, width)
         _weigh_neighbours(columns, lead, weights, 2 * stride + width, windows)
-        _combine(windows, stride, harris_k, 1.0, out[y], largest)
+        _combine(windows, stride, harris_k, 1.0, out, y, largest)
     return largest.max()
 
 
