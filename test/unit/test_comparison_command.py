@@ -241,7 +241,7 @@ def without_times(rows):
 @pytest.fixture(scope='module')
 def photograph(tmp_path_factory):
     path = tmp_path_factory.mktemp('photograph') / 'photo.png'
-    cv2.imwrite(str(path), texture((240, 300), smoothing=2.0))
+    cv2.imwrite(str(path), texture((150, 186), smoothing=2.0))
     return path
 
 
