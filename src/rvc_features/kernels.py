@@ -664,8 +664,8 @@ def _order_of_keys(keys):
         if count[np.int64((keys[0] >> shift) & mask)] == size:
             continue
         start = 0
-        for value in range(len(count)):
-            start, count[value] = start + count[value], start
+        for bucket in range(len(count)):
+            start, count[bucket] = start + count[bucket], start
         for i in range(size):
             value = np.int64((keys[i] >> shift) & mask)
             other_keys[count[value]], other_order[count[value]] = keys[i], order[i]
