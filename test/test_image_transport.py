@@ -46,12 +46,12 @@ PATIENCE = 20   # seconds after which something that should happen is taken not 
 COMPRESSED = TransportHints('compressed')
 
 
-def wait_until(condition, what):
+def wait_until(condition, what, patience=PATIENCE):
     """Wait for a state that rospy has no event for."""
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + patience
     while not condition():
         if time.monotonic() > end:
-            raise AssertionError(f'in {PATIENCE} s not: {what}')
+            raise AssertionError(f'in {patience} s not: {what}')
         time.sleep(0.01)
 
 
@@ -378,7 +378,8 @@ class ImageTransportTest(unittest.TestCase):
         self.addCleanup(diagnostics.close)
         self.addCleanup(points.close)
         publisher = self.plain_publisher('remote_camera/compressed', CompressedImage)
-        wait_until(lambda: publisher.get_num_connections() == 1, 'connected, as somebody listens to the points')
+        wait_until(lambda: publisher.get_num_connections() == 1, 'connected, as somebody listens to the points',
+                   patience=100)   # a node that starts for the first time compiles its kernels before
         for count, (text, data) in enumerate(BAD, 1):
             publisher.publish(Header(), text, data)   # one at a time: of several only the newest is looked at
             diagnostics.wait_for_values(lambda values, count=count: values['frames rejected'] == str(count), text)
