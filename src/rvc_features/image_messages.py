@@ -1,7 +1,7 @@
 """Images as messages and as arrays: the one place where they are checked, decoded, encoded and converted.
 
-cv_bridge is left out on purpose. In Python it ignores `step` and takes whatever it decompresses for bgr8, and its
-colour conversion takes four to nine times as long as cv2.cvtColor, which also lets other threads run meanwhile.
+cv_bridge says what an encoding's type and channels are, and no more: in Python it ignores `step`, takes whatever it
+decompresses for bgr8, and converts colours in four to nine times the time of cv2.cvtColor, with other threads waiting.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import cv2
 import genpy
 import numpy as np
 import sensor_msgs.msg
+from cv_bridge import CvBridge, CvBridgeError
 from std_msgs.msg import Header
 
 COMPRESSED_FORMATS = ('jpeg', 'png')
@@ -176,26 +177,22 @@ class Image(sensor_msgs.msg.Image):
 
 _YUV = {'yuv422': 'UYVY', 'yuv422_yuy2': 'YUY2'}   # OpenCV's names
 _BAYER = {'bayer_rggb': 'BayerBG', 'bayer_bggr': 'BayerRG', 'bayer_gbrg': 'BayerGR', 'bayer_grbg': 'BayerGB'}
-_COLOURS = {'bgr': 3, 'rgb': 3, 'bgra': 4, 'rgba': 4}
-_CHANNELS = {'mono': 1, **_COLOURS, **dict.fromkeys(_BAYER, 1)}
+_COLOURS = ('bgr', 'rgb', 'bgra', 'rgba')
 _OF_CHANNELS = {1: 'mono', 3: 'bgr', 4: 'bgra'}   # how OpenCV has images, and what generic encodings are taken for
 _COLOUR_OF_FOUR = {'8UC4': 'bgra8', '16UC4': 'bgra16'}   # the fourth channel isn't compressed: a name brings it back
-_GENERIC = re.compile(r'(8U|8S|16U|16S|32S|32F|64F)C([1-9]\d?)?')
-_DTYPES = {'8U': np.uint8, '8S': np.int8, '16U': np.uint16, '16S': np.int16, '32S': np.int32, '32F': np.float32,
-           '64F': np.float64}
+_GENERIC = re.compile(r'\d+[USF]C\d+')   # a type and a number of channels, but no word of what they mean
+_bridge = CvBridge()
 
 
 def _layout(encoding: str) -> tuple[np.dtype, int]:
     """Type and number of channels of an encoding."""
-    letters = _letters(encoding)
-    if letters in _CHANNELS and encoding in (f'{letters}8', f'{letters}16'):
-        return np.dtype(np.uint8 if encoding.endswith('8') else np.uint16), _CHANNELS[letters]
-    if encoding in _YUV:
-        return np.dtype(np.uint8), 2
-    generic = _GENERIC.fullmatch(encoding)
-    if generic is None:
-        raise ImageError(f'unknown encoding {encoding!r}')
-    return np.dtype(_DTYPES[generic[1]]), int(generic[2] or 1)
+    try:
+        dtype, channels = _bridge.encoding_to_dtype_with_channels('yuv422' if encoding in _YUV else encoding)
+        if _GENERIC.fullmatch(encoding) and not encoding.endswith(f'C{channels}'):   # 8UC0, 8UC513
+            raise CvBridgeError
+    except CvBridgeError:
+        raise ImageError(f'unknown encoding {encoding!r}') from None
+    return np.dtype(dtype), channels
 
 
 def _fitting(array: np.ndarray, encoding: str) -> np.ndarray:
@@ -214,8 +211,7 @@ def _letters(encoding: str) -> str:
 
 def _converted(array: np.ndarray, encoding: str, target: str) -> np.ndarray:
     """Pixels of any encoding as bgr8 or mono8."""
-    generic = _GENERIC.fullmatch(encoding)
-    if generic is not None:
+    if _GENERIC.fullmatch(encoding):
         channels = 1 if array.ndim == 2 else array.shape[2]
         if channels not in _OF_CHANNELS:
             raise ImageError(f'{encoding} images have no conversion to {target}')
