@@ -28,7 +28,6 @@ from __future__ import annotations
 
 import importlib
 import sys
-import threading
 import traceback
 from typing import Any
 
@@ -39,7 +38,8 @@ from rvc_features.comparison import live
 from rvc_features.comparison.contestants import ContestantError
 from rvc_features.heap import keep_large_blocks
 from rvc_features.image_messages import ImageError, to_array
-from rvc_features.image_transport import ImageTransport, Subscriber
+from rvc_features.image_transport import ImageTransport
+from rvc_features.lazy_input import LazyInput
 from rvc_features.newest_worker import NewestWorker
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
@@ -52,12 +52,11 @@ class CompareNode:
     def __init__(self, side_by_side: live.SideBySide) -> None:
         self.side_by_side = side_by_side
         self.worker = NewestWorker(self.process, 'compare')
-        self.subscriber: Subscriber | None = None
-        self._transport = ImageTransport()
-        self._listeners_changed = threading.Event()
-        changed = self._listeners_changed.set
-        self.publisher = self._transport.advertise('mosaic', subscriber_connected=changed,
-                                                   subscriber_disconnected=changed)
+        transport = ImageTransport()
+        self.input = LazyInput(lambda: transport.subscribe('in', self.worker.put, decode=False),
+                               lambda: self.publisher.get_num_subscribers())
+        changed = self.input.changed.set
+        self.publisher = transport.advertise('mosaic', subscriber_connected=changed, subscriber_disconnected=changed)
 
     def process(self, message: Any) -> None:
         """One image from message to mosaic, in the worker's thread; a bad one is reported and skipped."""
@@ -72,14 +71,8 @@ class CompareNode:
     def run(self) -> None:
         """Subscribe while somebody listens; returns when the node is told to end."""
         while not rospy.is_shutdown():
-            wanted = self.publisher.get_num_subscribers() > 0
-            if wanted and self.subscriber is None:
-                self.subscriber = self._transport.subscribe('in', self.worker.put, decode=False)
-            elif not wanted and self.subscriber is not None:
-                self.subscriber.shutdown()
-                self.subscriber = None
-            self._listeners_changed.wait(_PATIENCE)
-            self._listeners_changed.clear()
+            self.input.update()
+            self.input.wait(_PATIENCE)
         self.worker.stop()
 
 

@@ -48,6 +48,7 @@ from rvc_features.feature_detector import as_grey
 from rvc_features.heap import keep_large_blocks
 from rvc_features.image_messages import ImageError, to_array, to_image_message
 from rvc_features.image_transport import ImageTransport, Subscriber, TransportHints
+from rvc_features.lazy_input import LazyInput
 from rvc_features.msg import KeyPoints
 from rvc_features.newest_worker import NewestWorker
 from rvc_features.node_statistics import NodeStatistics
@@ -72,15 +73,14 @@ class FeatureDetectorNode:
 
         self.worker = NewestWorker(self.process, 'feature_detector')
         self._picture = np.empty((0, 0, 3), np.uint8)
-        self.subscriber: Subscriber | None = None
         self.image_transport = ImageTransport()
         self._hints = self._known_transport()
         self._stopping = False
-        self._listeners_changed = threading.Event()
+        self.input = LazyInput(self._subscribe, self._listeners)
         self.image_publisher = self.image_transport.advertise(
-            'image', queue_size=1, subscriber_connected=self._listeners_changed.set,
-            subscriber_disconnected=self._listeners_changed.set)
-        listener = _Listener(self._listeners_changed)
+            'image', queue_size=1, subscriber_connected=self.input.changed.set,
+            subscriber_disconnected=self.input.changed.set)
+        listener = _Listener(self.input.changed)
         self.key_points_publisher = rospy.Publisher('key_points', KeyPoints, listener, tcp_nodelay=True, queue_size=1)
         self.response_publisher = rospy.Publisher('response', Image, listener, tcp_nodelay=True, queue_size=1)
 
@@ -123,16 +123,17 @@ class FeatureDetectorNode:
     def report(self, status: Any) -> Any:
         """Fill in the node's diagnostic status."""
         interval = self.statistics.interval()
-        if self.subscriber is None:
+        subscriber = self.input.subscriber
+        if subscriber is None:
             status.summary(DiagnosticStatus.OK, 'idle: nobody listens')
         elif interval.frames_rejected:
             status.summary(DiagnosticStatus.WARN, f'images rejected: {self.statistics.last_problem}')
         elif interval.frames == 0:
-            status.summary(DiagnosticStatus.WARN, f'no images on {self.subscriber.get_topic()}')
+            status.summary(DiagnosticStatus.WARN, f'no images on {subscriber.get_topic()}')
         else:
             status.summary(DiagnosticStatus.OK, f'{interval.frames / interval.seconds:.1f} images per second')
         milliseconds = f'{1000 * interval.busy_seconds / interval.frames:.1f}' if interval.frames else 'none'
-        publishers = self.subscriber.get_num_publishers() if self.subscriber is not None else 0
+        publishers = subscriber.get_num_publishers() if subscriber is not None else 0
         for name, value in (('detector', self.detector.name),
                             ('publishers connected', publishers),
                             ('frames received', self.worker.received),
@@ -149,7 +150,7 @@ class FeatureDetectorNode:
     def shutdown(self) -> None:
         """End the threads; called by rospy, whose own flag is not set yet."""
         self._stopping = True
-        self._listeners_changed.set()
+        self.input.changed.set()
         self._housekeeper.join()
         self.worker.stop()
 
@@ -190,24 +191,21 @@ class FeatureDetectorNode:
         next_report = time.monotonic()
         while not self._stopping:
             try:
-                self._update_subscription()
+                self.input.update()
                 if time.monotonic() >= next_report:
                     next_report = time.monotonic() + _REPORT_PERIOD
                     self.diagnostics.force_update()
             except Exception:   # whatever the network does: the node goes on, and tries again
                 rospy.logerr_throttle(_WARNING_PERIOD, traceback.format_exc())
-            if self._listeners_changed.wait(max(0.0, next_report - time.monotonic())):
-                self._listeners_changed.clear()
+            self.input.wait(max(0.0, next_report - time.monotonic()))
 
-    def _update_subscription(self) -> None:
-        wanted = (self.image_publisher.get_num_subscribers() + self.key_points_publisher.get_num_connections()
-                  + self.response_publisher.get_num_connections()) > 0
-        if wanted and self.subscriber is None:
-            self.subscriber = self.image_transport.subscribe(
-                'in', self.image_message_callback, queue_size=1, transport_hints=self._hints, decode=False)
-        elif not wanted and self.subscriber is not None:
-            self.subscriber.shutdown()
-            self.subscriber = None
+    def _listeners(self) -> int:
+        return (self.image_publisher.get_num_subscribers() + self.key_points_publisher.get_num_connections()
+                + self.response_publisher.get_num_connections())
+
+    def _subscribe(self) -> Subscriber:
+        return self.image_transport.subscribe('in', self.image_message_callback, queue_size=1,
+                                              transport_hints=self._hints, decode=False)
 
     def _known_transport(self) -> TransportHints:
         """What ~image_transport says, or raw where there is no such transport."""

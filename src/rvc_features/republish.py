@@ -12,11 +12,11 @@ Without OUT_TRANSPORT all of them are offered. `in` is subscribed to only while 
 from __future__ import annotations
 
 import argparse
-import threading
 
 import rospy
 
-from rvc_features.image_transport import TRANSPORTS, ImageTransport, Subscriber, TransportHints
+from rvc_features.image_transport import TRANSPORTS, ImageTransport, TransportHints
+from rvc_features.lazy_input import LazyInput
 
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 
@@ -25,26 +25,19 @@ class Republisher:
     """Between the topics `in` and `out`."""
 
     def __init__(self, in_transport: str, out_transport: str | None = None) -> None:
-        self._transport = ImageTransport()
-        self._hints = TransportHints(in_transport)
-        self._listeners_changed = threading.Event()
-        changed = self._listeners_changed.set
-        self.subscriber: Subscriber | None = None
-        self.publisher = self._transport.advertise(
+        transport, hints = ImageTransport(), TransportHints(in_transport)
+        self.input = LazyInput(lambda: transport.subscribe('in', self.publisher.publish, transport_hints=hints),
+                               lambda: self.publisher.get_num_subscribers())
+        changed = self.input.changed.set
+        self.publisher = transport.advertise(
             'out', subscriber_connected=changed, subscriber_disconnected=changed,
             transports=None if out_transport is None else [out_transport])
 
     def run(self) -> None:
         """Subscribe while somebody listens; returns when the node is told to end."""
         while not rospy.is_shutdown():
-            wanted = self.publisher.get_num_subscribers() > 0
-            if wanted and self.subscriber is None:
-                self.subscriber = self._transport.subscribe('in', self.publisher.publish, transport_hints=self._hints)
-            elif not wanted and self.subscriber is not None:
-                self.subscriber.shutdown()
-                self.subscriber = None
-            self._listeners_changed.wait(_PATIENCE)
-            self._listeners_changed.clear()
+            self.input.update()
+            self.input.wait(_PATIENCE)
 
 
 def main() -> None:

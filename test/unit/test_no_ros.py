@@ -5,8 +5,8 @@ import sys
 from pathlib import Path
 
 SOURCE = Path(__file__).resolve().parents[2] / 'src'
-ROS_HALF = {'bags', 'compare_node', 'demo', 'feature_detector_node', 'image_messages', 'image_transport', 'make_bag',
-            'private_master', 'reconfigure', 'republish'}
+ROS_HALF = {'bags', 'compare_node', 'demo', 'feature_detector_node', 'image_messages', 'image_transport', 'lazy_input',
+            'make_bag', 'private_master', 'reconfigure', 'republish'}
 
 PROGRAM = """
 import importlib, sys
