@@ -20,7 +20,7 @@ def above_threshold(responses: np.ndarray, threshold: float, maximum: float) -> 
 
 def strongest(responses: np.ndarray, count: int) -> np.ndarray:
     """Indices of the `count` strongest, strongest first; of equals the lower index."""
-    return _largest_first(np.asarray(responses, np.float64), count)
+    return _largest_first(np.asarray(responses), count)
 
 
 def adaptive_non_maximal_suppression(points: np.ndarray, responses: np.ndarray, count: int,
@@ -118,6 +118,7 @@ def _largest_first(values: np.ndarray, count: int) -> np.ndarray:
 
 
 def _strongest_first(responses: np.ndarray) -> np.ndarray:
+    responses = np.asarray(responses, np.float64)
     if kernels.available():
         return kernels.strongest_first(responses)
     return np.argsort(-responses, kind='stable')

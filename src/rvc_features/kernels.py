@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import functools
 import logging
+import math
 import time
 from typing import Any, Callable
 
@@ -85,25 +86,32 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
     gradient_type = np.int16 if exact else np.float64
     radius = window_size // 2
     lead, stride = _padding(width, radius)
-    taps, margin = None, 0
+    taps, smoothed = None, _NO_ROWS
     if derivative_sigma > 0:
         margin = int(np.ceil(4 * derivative_sigma))
-        taps = _gaussian_taps(margin, derivative_sigma)
-    smoothed = _zeros((5, width + 2 * margin), np.float64)
-    sobel = _zeros((2, width + 2), gradient_type)
+        taps, smoothed = _gaussian_taps(margin, derivative_sigma), _aligned((5, width + 2 * margin), np.float64)
+    sobel = _aligned((2, width + 2), gradient_type)
     if window == 'box':
-        gradients = _zeros((min(height, window_size + 1) + 1, 2, stride), gradient_type)
-        sums = _zeros((4, 3 * stride + 64), np.int32 if exact else np.float64)
+        gradients = _aligned((min(height, window_size + 1) + 1, 2, stride), gradient_type)
+        gradients[-1] = 0
+        sums = _aligned((4, 3 * stride + 64), np.int32 if exact else np.float64)
+        sums.fill(0)
         return out, _box_response(image, taps, int(window_size), float(harris_k), lead, stride, smoothed, sobel,
                                   gradients, sums, out)
-    sigma = 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8
-    gradients = _zeros((1, 2, stride), gradient_type)
-    products = _zeros((min(height, window_size), 3 * stride), np.float32)
-    sums = _zeros((2, 3 * stride + 64), np.float32)
-    return out, _gaussian_response(image, taps, _gaussian_taps(radius, sigma).astype(np.float32), float(harris_k),
-                                   lead, stride, smoothed, sobel, gradients, products, sums, out)
+    weights = _gaussian_taps(radius, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8).astype(np.float32)
+    gradients = _aligned((1, 2, stride), gradient_type)
+    products = _aligned((min(height, window_size), 3 * stride), np.float32)
+    products.reshape(-1, 3, stride)[:, :, width:] = 0   # between the channels, where it is read but not used
+    sums = _aligned((2, 3 * stride + 64), np.float32)
+    sums.fill(0)
+    return out, _gaussian_response(image, taps, weights, float(harris_k), lead, stride, smoothed, sobel, gradients,
+                                   products, sums, out)
 
 
+_NO_ROWS = np.empty((0, 0))
+
+
+@functools.lru_cache(maxsize=64)
 def _gaussian_taps(radius: int, sigma: float) -> np.ndarray:
     """Weights of a Gaussian from its centre outwards, float64, shape (radius + 1,); all of them sum to one."""
     taps = np.exp(-np.arange(radius + 1) ** 2 / (2 * sigma ** 2))
@@ -134,16 +142,10 @@ def _read_only(image: np.ndarray) -> np.ndarray:
 
 def _aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     """An uninitialised array that begins at a cache line, so that aligned vectors do not straddle two."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    size = math.prod(shape) * np.dtype(dtype).itemsize
     memory = np.empty(size + 64, np.uint8)
     start = -memory.__array_interface__['data'][0] % 64
     return memory[start:start + size].view(dtype).reshape(shape)
-
-
-def _zeros(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
-    array = _aligned(shape, dtype)
-    array.fill(0)
-    return array
 
 
 def _padding(width: int, radius: int) -> tuple[int, int]:
@@ -575,7 +577,6 @@ def _smoothed_gradients(image, x, y, sigma):
     weights_x, slopes_x, weights_y, slopes_y = np.empty((4, side), np.float64)
     weighed, sloped = np.empty(side, np.float64), np.empty(side, np.float64)
     spread = np.exp(-1 / sigma ** 2) if sigma > 0.5 else 0.0
-    line = np.empty(side, np.float64)
     for i in range(len(x)):
         left, top = np.int64(np.rint(x[i])) - radius, np.int64(np.rint(y[i])) - radius
         _gaussian_and_slope(left - x[i], sigma, spread, weights_x, slopes_x)
@@ -587,18 +588,17 @@ def _smoothed_gradients(image, x, y, sigma):
         sloped[:] = 0
         for row in range(side):
             v = _reflect(top + row, height)
+            weight, slope = weights_y[row], slopes_y[row]
             if inside:
-                source = image[v]
-                at = np.uint64(left)
                 for column in range(n):
-                    line[column] = np.float64(source[at + column]) - middle
+                    value = np.float64(image[v, np.uint64(left) + column]) - middle
+                    weighed[column] += weight * value
+                    sloped[column] += slope * value
             else:
                 for column in range(side):
-                    line[column] = np.float64(image[v, _reflect(left + column, width)]) - middle
-            weight, slope = weights_y[row], slopes_y[row]
-            for column in range(n):
-                weighed[column] += weight * line[column]
-                sloped[column] += slope * line[column]
+                    value = np.float64(image[v, _reflect(left + column, width)]) - middle
+                    weighed[column] += weight * value
+                    sloped[column] += slope * value
         for column in range(n):
             gradient_x[i] += slopes_x[column] * weighed[column]
             gradient_y[i] += weights_x[column] * sloped[column]
