@@ -222,20 +222,21 @@ def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, so
     height, width = image.shape
     radius = window_size // 2
     slots = len(gradients) - 1
+    slot_of = np.arange(height) % slots
     zeros = slots   # the last row of gradients stays zero: what the first windows have nothing to subtract from
     columns, windows = sums[0], sums[1]
     largest = np.full(width, -np.inf, np.float32)
     done = 0
     for y in range(height):
         while done <= min(height - 1, y + radius):
-            _gradients(image, done, taps, smoothed, sobel, gradients, done % slots)
+            _gradients(image, done, taps, smoothed, sobel, gradients, slot_of[done])
             done += 1
         if y == 0:
             for j in range(-radius, radius + 1):
-                _slide(columns, lead, stride, gradients, _reflect(j, height) % slots, zeros, width)
+                _slide(columns, lead, stride, gradients, slot_of[_reflect(j, height)], zeros, width)
         else:
-            _slide(columns, lead, stride, gradients, _reflect(y + radius, height) % slots,
-                   _reflect(y - 1 - radius, height) % slots, width)
+            _slide(columns, lead, stride, gradients, slot_of[_reflect(y + radius, height)],
+                   slot_of[_reflect(y - 1 - radius, height)], width)
         _reflect_ends(columns, lead, stride, radius, width)
         _sum_neighbours(columns, lead - radius, window_size, 2 * stride + width, sums[2], sums[3], windows)
         _combine(windows, stride, harris_k, 1.0 / window_size ** 4, out, y, largest)
@@ -359,7 +360,7 @@ def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, s
     """The same with weighted sums; products of the rows a window covers are kept in turn."""
     height, width = image.shape
     radius = len(weights) - 1
-    slots = len(products)
+    slot_of = np.arange(height) % len(products)
     columns, windows = sums[0], sums[1]
     largest = np.full(width, -np.inf, np.float32)
     slot = np.empty(2 * radius + 1, np.int64)
@@ -367,10 +368,10 @@ def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, s
     for y in range(height):
         while done <= min(height - 1, y + radius):
             _gradients(image, done, taps, smoothed, sobel, gradients, 0)
-            _multiply(gradients, width, stride, products, done % slots)
+            _multiply(gradients, width, stride, products, slot_of[done])
             done += 1
         for j in range(2 * radius + 1):
-            slot[j] = _reflect(y + j - radius, height) % slots
+            slot[j] = slot_of[_reflect(y + j - radius, height)]
         _weigh_rows(products, slot, weights, lead, 2 * stride + width, columns)
         _reflect_ends(columns, lead, stride, radius, width)
         _weigh_neighbours(columns, lead, weights, 2 * stride + width, windows)
