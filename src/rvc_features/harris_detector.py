@@ -78,9 +78,6 @@ class HarrisDetector(FeatureDetector):
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Candidates of every octave, then one filter over all of them together."""
-        # Then the largest H is that of a candidate, and what its share of the octave's largest rules out is not sought.
-        threshold = 0.0 if self.anms or self.fixed_number_of_points or mask is not None or self.border > 0 \
-            else self.threshold
         candidates: list[_Candidates] = []
         for octave in range(self.octaves):
             if octave > 0:
@@ -89,7 +86,7 @@ class HarrisDetector(FeatureDetector):
                 # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
                 image = cv2.pyrDown(image)
                 mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
-            candidates.append(self._candidates(image, octave, mask, threshold))
+            candidates.append(self._candidates(image, octave, mask, candidates))
 
         chosen = self._filter(candidates)
         found, start = [], 0
@@ -123,12 +120,29 @@ class HarrisDetector(FeatureDetector):
                                         self.derivative_sigma)
 
     def _candidates(self, image: np.ndarray, octave: int, mask: np.ndarray | None,
-                    threshold: float = 0.0) -> _Candidates:
+                    finer: list[_Candidates] | None = None) -> _Candidates:
+        """Candidates of an octave; given those of the `finer` ones, without some that the filter is sure to drop."""
         h, largest = response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
                                                    self.derivative_sigma, _scratch.response_map(octave, image.shape))
+        least = self.minimum_response
+        if finer is not None and not self.anms:
+            if not self.fixed_number_of_points:
+                if mask is None and self.border == 0:   # otherwise the largest H need not be that of a candidate
+                    # A little below the threshold, for the map is in single precision; the filter decides.
+                    least = max(least, (1 - 1e-6) * self.threshold * largest)
+            elif finer:
+                least = max(least, self._least_of_strongest(finer))
+            else:
+                # Mostly there are enough far above the least; then there is no need of the many weak ones.
+                candidates = self._candidates_above(max(least, _MOSTLY_ENOUGH * largest), image, octave, mask, h)
+                if len(candidates.x) >= self.number_of_points:
+                    return candidates
+        return self._candidates_above(least, image, octave, mask, h)
+
+    def _candidates_above(self, least: float, image: np.ndarray, octave: int, mask: np.ndarray | None,
+                          h: np.ndarray) -> _Candidates:
         find = maxima.local_maxima if self.local_maxima else maxima.pixels_above
-        # A little below the threshold, for the map is in single precision; the filter decides.
-        x, y = find(h, max(self.minimum_response, (1 - 1e-6) * threshold * largest))
+        x, y = find(h, least)
         if self.border > 0:
             inside = _inside(x, y, h.shape, self.border)
             x, y = x[inside], y[inside]
@@ -136,6 +150,13 @@ class HarrisDetector(FeatureDetector):
             allowed = mask[y, x] != 0
             x, y = x[allowed], y[allowed]
         return _Candidates(image, octave, h, x, y, h.ravel().take(y * h.shape[1] + x))
+
+    def _least_of_strongest(self, candidates: list[_Candidates]) -> float:
+        """Response of the last of the strongest `number_of_points` so far, which a further one must exceed."""
+        strength = np.concatenate([of_octave.strength for of_octave in candidates])
+        if self.number_of_points == 0 or len(strength) < self.number_of_points:
+            return 0.0
+        return float(np.partition(strength, -self.number_of_points)[-self.number_of_points])
 
     def _filter(self, candidates: list[_Candidates]) -> np.ndarray:
         strength = np.concatenate([of_octave.strength for of_octave in candidates])
@@ -166,6 +187,7 @@ class HarrisDetector(FeatureDetector):
         return found
 
 
+_MOSTLY_ENOUGH = 0.002   # of the largest H: where the strongest points are sought first
 _SMALLEST_OCTAVE = 8   # pixels: no octave gets smaller than this to either side
 
 

@@ -8,6 +8,7 @@ import textwrap
 import threading
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 from conftest import texture
@@ -228,3 +229,28 @@ def test_no_place_for_a_cache_is_no_reason_to_fail():
         print(maxima.local_maxima(np.eye(3, dtype=np.float32), 0.5)[0].tolist())
     '''
     assert run(code) == ['[0]']
+
+
+@pytest.mark.parametrize('local_maxima', [True, False])
+@pytest.mark.parametrize('masked', [False, True])
+@pytest.mark.parametrize('number', [0, 1, 30, 200, 100000])
+def test_candidates_left_out_early_change_nothing(number, masked, local_maxima):
+    """The strongest out of all octaves are those of all candidates, however the search is cut short."""
+    image = texture((120, 160))
+    image[:40, :40] //= 16   # weak corners beside strong ones
+    mask = None
+    if masked:
+        mask = np.zeros(image.shape, np.uint8)
+        mask[:60, :90] = 255
+    detector = HarrisDetector(octaves=3, fixed_number_of_points=True, number_of_points=number, subpixel=False,
+                              local_maxima=local_maxima)
+    every, octave_image, octave_mask = [], image, mask
+    for octave in range(3):
+        every.append(detector.harris_corners(octave_image, octave, octave_mask))
+        octave_image = cv2.pyrDown(octave_image)
+        octave_mask = None if mask is None else octave_mask[::2, ::2]
+    expected = np.concatenate(every)
+    expected = expected[np.argsort(-expected['response'], kind='stable')][:number]
+    found = detector.detect_arrays(image, mask)
+    for name in ('x', 'y', 'response', 'octave'):
+        assert np.array_equal(found[name], expected[name])
