@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+
 import cv2
 import numpy as np
 
@@ -10,7 +12,6 @@ from rvc_features.key_points import KeyPoints, as_array
 # BGR, one per octave, starting over after the last; told apart also by people who see red and green alike.
 OCTAVE_COLOURS = ((0, 255, 255), (255, 144, 30), (80, 80, 255), (120, 220, 80), (255, 100, 255), (255, 255, 255))
 
-_SHIFT = 4          # drawing coordinates have this many fractional bits
 _LEAST_RADIUS = 2   # pixels: smaller circles are dots
 
 
@@ -23,7 +24,7 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
         Grey or BGR; it is not changed.
     key_points : sequence of cv2.KeyPoint, or structured array of key_points.DTYPE
 
-    picture : ndarray, uint8, shape (H, W, 3), optional
+    picture : ndarray, uint8, shape (H, W, 3), contiguous, optional
         Where to draw, instead of a new image; what it holds is overwritten.
 
     Returns
@@ -39,33 +40,36 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
         picture[:] = image
 
     points = as_array(key_points)
-    for octave in np.unique(points['octave'])[::-1]:   # small ones on top of large ones
-        here = points[points['octave'] == octave]
+    for octave, size in sorted(set(zip(points['octave'].tolist(), points['size'].tolist())), reverse=True):
+        here = points[(points['octave'] == octave) & (points['size'] == size)]   # small ones come on top of large ones
         colour = OCTAVE_COLOURS[octave % len(OCTAVE_COLOURS)]
-        centre = np.column_stack((here['x'], here['y']))[:, None, :]
-        radius = np.maximum(here['size'] / 2, _LEAST_RADIUS)[:, None, None]
-        # One call for all circles and one for all rays: a call for each costs more than the drawing.
-        corners = _directions(np.linspace(0, 2 * np.pi, _corners(radius.max()), endpoint=False))
-        _draw_lines(picture, centre + radius * corners, True, colour)
+        radius = max(size / 2, _LEAST_RADIUS)
+        x, y = here['x'][:, None], here['y'][:, None]
+        ring_x, ring_y = _ring(round(radius * 16))
+        _set_pixels(picture, np.rint(x) + ring_x, np.rint(y) + ring_y, colour)
         with_ray = here['angle'] >= 0
-        ends = _directions(np.radians(here['angle'][with_ray]))[:, None, :] * radius[with_ray]
-        _draw_lines(picture, centre[with_ray] + np.concatenate((np.zeros_like(ends), ends), axis=1), False, colour)
+        angle, steps = np.radians(here['angle'][with_ray])[:, None], np.arange(np.ceil(radius))
+        _set_pixels(picture, np.rint(x[with_ray] + np.cos(angle) * steps), np.rint(y[with_ray] + np.sin(angle) * steps),
+                    colour)
     return picture
 
 
-def _corners(radius: float) -> int:
-    """How many corners make a polygon a circle to the eye."""
-    return int(np.clip(4 * np.ceil(np.sqrt(6 * radius) / 2), 12, 120))
+@functools.lru_cache(maxsize=256)
+def _ring(sixteenths: int) -> tuple[np.ndarray, np.ndarray]:
+    """Pixels of a circle round (0, 0), x and y; the radius comes in sixteenths of a pixel."""
+    middle = sixteenths // 16 + 2
+    canvas = np.zeros((2 * middle + 1, 2 * middle + 1), np.uint8)
+    cv2.circle(canvas, (middle << 4, middle << 4), sixteenths, (1,), 1, cv2.LINE_8, 4)
+    y, x = np.nonzero(canvas)
+    return (x - middle).astype(np.float32), (y - middle).astype(np.float32)
 
 
-def _directions(angles: np.ndarray) -> np.ndarray:
-    return np.column_stack((np.cos(angles), np.sin(angles)))
-
-
-def _draw_lines(picture: np.ndarray, vertices: np.ndarray, closed: bool, colour: tuple[int, int, int]) -> None:
-    """Lines through vertices of shape (lines, vertices, 2)."""
-    whole = np.rint(vertices * (1 << _SHIFT)).astype(np.int32)
-    cv2.polylines(picture, whole, closed, colour, 1, cv2.LINE_AA, _SHIFT)
+def _set_pixels(picture: np.ndarray, x: np.ndarray, y: np.ndarray, colour: tuple[int, int, int]) -> None:
+    """All pixels at once: a call of OpenCV for each circle takes several times as long."""
+    height, width = picture.shape[:2]
+    x, y = x.astype(np.intp), y.astype(np.intp)
+    inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
+    picture.reshape(-1, 3)[(y * width + x)[inside]] = colour
 
 
 def displayable_response(response: np.ndarray) -> np.ndarray:
