@@ -38,8 +38,9 @@ def run(quick: bool) -> Report:
 
 def _parts(detector: HarrisDetector, image: np.ndarray) -> dict[str, Callable[[], Any]]:
     response = np.empty(image.shape, np.float32)
-    response_and_maximum(image, detector.window_size, detector.window, detector.harris_k, 0.0, response)
-    x, y = maxima.local_maxima(response, detector.minimum_response)
+    largest = response_and_maximum(image, detector.window_size, detector.window, detector.harris_k, 0.0, response)[1]
+    least = max(detector.minimum_response, 0.002 * largest)   # where the detector looks first
+    x, y = maxima.local_maxima(response, least)
     strength = response[y, x]
     chosen = filters.strongest(strength, 500)
     found = detector.detect_arrays(image)
@@ -48,7 +49,7 @@ def _parts(detector: HarrisDetector, image: np.ndarray) -> dict[str, Callable[[]
         'detect': lambda: detector.detect(image),
         'response': lambda: response_and_maximum(image, detector.window_size, detector.window, detector.harris_k, 0.0,
                                                  response),
-        'local maxima': lambda: maxima.local_maxima(response, detector.minimum_response),
+        'local maxima': lambda: maxima.local_maxima(response, least),
         'strongest 500': lambda: filters.strongest(strength, 500),
         'sub-pixel': lambda: maxima.refine(response, x[chosen], y[chosen]),
         'orientation': lambda: gradient_orientation(image, found['x'], found['y'], detector.orientation_sigma),

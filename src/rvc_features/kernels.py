@@ -155,6 +155,12 @@ def _padding(width: int, radius: int) -> tuple[int, int]:
 
 
 @_kernel
+def _at_once(stride):
+    """How much of A, B and C a loop takes at once: all if that fits the nearest cache, or one after the other."""
+    return 3 * stride if stride <= 1024 else stride
+
+
+@_kernel
 def _reflect(index, length):
     """BORDER_REFLECT_101: dcb|abcd|cba."""
     if length == 1:
@@ -190,11 +196,11 @@ def _smooth_row(image, y, taps, smoothed):
     for j in range(2 * radius + 1):
         rows[j] = _reflect(y + j - radius, height)
     column = smoothed[3]
-    _weigh_rows(image, rows, taps, radius, width, column)
+    _weigh_rows(image, rows, 0, taps, width, column, radius)
     for j in range(1, radius + 1):
         column[radius - j] = column[radius + _reflect(j, width)]
         column[radius + width - 1 + j] = column[radius + _reflect(width - 1 + j, width)]
-    _weigh_neighbours(column, radius, taps, width, smoothed[y % 3])
+    _weigh_neighbours(column, radius, taps, width, smoothed[y % 3], 0)
 
 
 @_kernel
@@ -225,6 +231,7 @@ def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, so
     slot_of = np.arange(height) % slots
     zeros = slots   # the last row of gradients stays zero: what the first windows have nothing to subtract from
     columns, windows = sums[0], sums[1]
+    step = _at_once(stride)
     largest = np.full(width, -np.inf, np.float32)
     done = 0
     for y in range(height):
@@ -238,7 +245,9 @@ def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, so
             _slide(columns, lead, stride, gradients, slot_of[_reflect(y + radius, height)],
                    slot_of[_reflect(y - 1 - radius, height)], width)
         _reflect_ends(columns, lead, stride, radius, width)
-        _sum_neighbours(columns, lead - radius, window_size, 2 * stride + width, sums[2], sums[3], windows)
+        for start in range(0, 3 * stride, step):
+            _sum_neighbours(columns, start + lead - radius, window_size, step - stride + width, sums[2], sums[3],
+                            windows, start)
         _combine(windows, stride, harris_k, 1.0 / window_size ** 4, out, y, largest)
     return largest.max()
 
@@ -268,33 +277,33 @@ def _reflect_ends(rows, lead, stride, radius, width):
 
 
 @_kernel
-def _sum_neighbours(values, start, size, count, fours, sixteens, out):
-    """out[i] = sum of values[start + i : start + i + size], for i up to count; size is odd, from 3 to 45.
+def _sum_neighbours(values, start, size, count, fours, sixteens, out, to):
+    """out[to + i] = sum of values[start + i : start + i + size], for i up to count; size is odd, from 3 to 45.
 
     A running sum waits for the sum before it; this adds vectors. Every odd size is 4 q + 1 or 4 q - 1: sums of four
     and of sixteen neighbours, and one more or one less.
     """
     n = np.uint64(count)
-    at = np.uint64(start)
+    at, to = np.uint64(start), np.uint64(to)
     kind = values.dtype.type
     one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
     eight, twelve, sixteen = np.uint64(8), np.uint64(12), np.uint64(16)
     if size == 3:
         for i in range(n):
             j = at + i
-            out[i] = kind(values[j] + values[j + one]) + values[j + two]
+            out[to + i] = kind(values[j] + values[j + one]) + values[j + two]
         return
     if size == 5:
         for i in range(n):
             j = at + i
-            out[i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
+            out[to + i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
                       + values[j + four])
         return
 
     if size == 7:
         for i in range(n):
             j = at + i
-            out[i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
+            out[to + i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
                       + kind(kind(values[j + four] + values[j + four + one]) + values[j + four + two]))
         return
 
@@ -307,39 +316,39 @@ def _sum_neighbours(values, start, size, count, fours, sixteens, out):
     if quads <= 4:
         if quads == 2:
             for i in range(n):
-                out[i] = fours[i] + fours[i + four]
+                out[to + i] = fours[i] + fours[i + four]
         elif quads == 3:
             for i in range(n):
-                out[i] = kind(fours[i] + fours[i + four]) + fours[i + eight]
+                out[to + i] = kind(fours[i] + fours[i + four]) + fours[i + eight]
         else:
             for i in range(n):
-                out[i] = kind(fours[i] + fours[i + four]) + kind(fours[i + eight] + fours[i + twelve])
+                out[to + i] = kind(fours[i] + fours[i + four]) + kind(fours[i + eight] + fours[i + twelve])
     else:
         for i in range(n + sixteen):
             sixteens[i] = kind(fours[i] + fours[i + four]) + kind(fours[i + eight] + fours[i + twelve])
         reached = sixteen
         if quads < 8:
             for i in range(n):
-                out[i] = sixteens[i]
+                out[to + i] = sixteens[i]
         else:
             for i in range(n):
-                out[i] = sixteens[i] + sixteens[i + sixteen]
+                out[to + i] = sixteens[i] + sixteens[i + sixteen]
             reached += sixteen
         if quads % 4 == 1:
             for i in range(n):
-                out[i] += fours[i + reached]
+                out[to + i] += fours[i + reached]
         elif quads % 4 == 2:
             for i in range(n):
-                out[i] += kind(fours[i + reached] + fours[i + reached + four])
+                out[to + i] += kind(fours[i + reached] + fours[i + reached + four])
         elif quads % 4 == 3:
             for i in range(n):
-                out[i] += kind(kind(fours[i + reached] + fours[i + reached + four]) + fours[i + reached + eight])
+                out[to + i] += kind(kind(fours[i + reached] + fours[i + reached + four]) + fours[i + reached + eight])
     if one_more:
         for i in range(n):
-            out[i] += values[at + i]
+            out[to + i] += values[at + i]
     else:
         for i in range(n):
-            out[i] -= values[at + i]
+            out[to + i] -= values[at + i]
 
 
 @_kernel(fastmath={'contract'})
@@ -362,6 +371,7 @@ def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, s
     radius = len(weights) - 1
     slot_of = np.arange(height) % len(products)
     columns, windows = sums[0], sums[1]
+    step = _at_once(stride)
     largest = np.full(width, -np.inf, np.float32)
     slot = np.empty(2 * radius + 1, np.int64)
     done = 0
@@ -372,9 +382,11 @@ def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, s
             done += 1
         for j in range(2 * radius + 1):
             slot[j] = slot_of[_reflect(y + j - radius, height)]
-        _weigh_rows(products, slot, weights, lead, 2 * stride + width, columns)
+        for start in range(0, 3 * stride, step):
+            _weigh_rows(products, slot, start, weights, step - stride + width, columns, start + lead)
         _reflect_ends(columns, lead, stride, radius, width)
-        _weigh_neighbours(columns, lead, weights, 2 * stride + width, windows)
+        for start in range(0, 3 * stride, step):
+            _weigh_neighbours(columns, start + lead, weights, step - stride + width, windows, start)
         _combine(windows, stride, harris_k, 1.0, out, y, largest)
     return largest.max()
 
@@ -392,88 +404,88 @@ def _multiply(gradients, width, stride, products, slot):
 
 
 @_kernel(fastmath={'contract'})
-def _weigh_rows(rows, slot, weights, lead, count, out):
-    """out[lead + i] = sum over j of weights[|j|] rows[slot[radius + j], i]."""
+def _weigh_rows(rows, slot, start, weights, count, out, to):
+    """out[to + i] = sum over j of weights[|j|] rows[slot[radius + j], start + i]."""
     n = np.uint64(count)
-    to = np.uint64(lead)
+    at, to = np.uint64(start), np.uint64(to)
     r = len(weights) - 1
     c, w0 = slot[r], weights[0]
     kind = weights.dtype.type
     first = r % 4
     if first == 0:
         for i in range(n):
-            out[to + i] = w0 * kind(rows[c, i])
+            out[to + i] = w0 * kind(rows[c, at + i])
     else:
         a1, b1, w1 = slot[r - 1], slot[r + 1], weights[1]
         if first == 1:
             for i in range(n):
-                out[to + i] = w0 * kind(rows[c, i]) + w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
+                out[to + i] = w0 * kind(rows[c, at + i]) + w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
         else:
             a2, b2, w2 = slot[r - 2], slot[r + 2], weights[2]
             if first == 2:
                 for i in range(n):
-                    out[to + i] = (w0 * kind(rows[c, i]) + w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
-                                   + w2 * (kind(rows[a2, i]) + kind(rows[b2, i])))
+                    out[to + i] = (w0 * kind(rows[c, at + i]) + w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
+                                   + w2 * (kind(rows[a2, at + i]) + kind(rows[b2, at + i])))
             else:
                 a3, b3, w3 = slot[r - 3], slot[r + 3], weights[3]
                 for i in range(n):
-                    out[to + i] = (w0 * kind(rows[c, i]) + w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
-                                   + w2 * (kind(rows[a2, i]) + kind(rows[b2, i]))
-                                   + w3 * (kind(rows[a3, i]) + kind(rows[b3, i])))
+                    out[to + i] = (w0 * kind(rows[c, at + i]) + w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
+                                   + w2 * (kind(rows[a2, at + i]) + kind(rows[b2, at + i]))
+                                   + w3 * (kind(rows[a3, at + i]) + kind(rows[b3, at + i])))
     for j in range(first + 1, r + 1, 4):
         a1, a2, a3, a4 = slot[r - j], slot[r - j - 1], slot[r - j - 2], slot[r - j - 3]
         b1, b2, b3, b4 = slot[r + j], slot[r + j + 1], slot[r + j + 2], slot[r + j + 3]
         w1, w2, w3, w4 = weights[j], weights[j + 1], weights[j + 2], weights[j + 3]
         for i in range(n):
-            out[to + i] += ((w1 * (kind(rows[a1, i]) + kind(rows[b1, i]))
-                             + w2 * (kind(rows[a2, i]) + kind(rows[b2, i])))
-                            + (w3 * (kind(rows[a3, i]) + kind(rows[b3, i]))
-                               + w4 * (kind(rows[a4, i]) + kind(rows[b4, i]))))
+            out[to + i] += ((w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
+                             + w2 * (kind(rows[a2, at + i]) + kind(rows[b2, at + i])))
+                            + (w3 * (kind(rows[a3, at + i]) + kind(rows[b3, at + i]))
+                               + w4 * (kind(rows[a4, at + i]) + kind(rows[b4, at + i]))))
 
 
 @_kernel(fastmath={'contract'})
-def _weigh_neighbours(values, start, weights, count, out):
-    """out[i] = sum over j of weights[|j|] values[start + i + j]."""
+def _weigh_neighbours(values, start, weights, count, out, to):
+    """out[to + i] = sum over j of weights[|j|] values[start + i + j]."""
     n = np.uint64(count)
     r = len(weights) - 1
-    at = np.uint64(start)
+    at, to = np.uint64(start), np.uint64(to)
     one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
     w0 = weights[0]
     first = r % 4
     if first == 0:
         for i in range(n):
-            out[i] = w0 * values[at + i]
+            out[to + i] = w0 * values[at + i]
     elif first == 1:
         w1 = weights[1]
         for i in range(n):
             j = at + i
-            out[i] = w0 * values[j] + w1 * (values[j - one] + values[j + one])
+            out[to + i] = w0 * values[j] + w1 * (values[j - one] + values[j + one])
     elif first == 2:
         w1, w2 = weights[1], weights[2]
         for i in range(n):
             j = at + i
-            out[i] = (w0 * values[j] + w1 * (values[j - one] + values[j + one])
+            out[to + i] = (w0 * values[j] + w1 * (values[j - one] + values[j + one])
                       + w2 * (values[j - two] + values[j + two]))
     else:
         w1, w2, w3 = weights[1], weights[2], weights[3]
         for i in range(n):
             j = at + i
-            out[i] = (w0 * values[j] + w1 * (values[j - one] + values[j + one])
+            out[to + i] = (w0 * values[j] + w1 * (values[j - one] + values[j + one])
                       + w2 * (values[j - two] + values[j + two]) + w3 * (values[j - three] + values[j + three]))
     for k in range(first + 1, r + 1, 4):
-        _add_four_pairs(values, start - k - 3, start + k, weights[k:k + 4], count, out)
+        _add_four_pairs(values, start - k - 3, start + k, weights[k:k + 4], count, out, to)
 
 
 @_kernel(fastmath={'contract'})
-def _add_four_pairs(values, left, right, weights, count, out):
+def _add_four_pairs(values, left, right, weights, count, out, to):
     # A function of its own: as an inner loop of the one above, newer LLVM does not vectorise it.
     n = np.uint64(count)
-    left, right = np.uint64(left), np.uint64(right)
+    left, right, to = np.uint64(left), np.uint64(right), np.uint64(to)
     one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
     w1, w2, w3, w4 = weights[0], weights[1], weights[2], weights[3]
     for i in range(n):
         a, b = left + i, right + i
-        out[i] += ((w1 * (values[a + three] + values[b]) + w2 * (values[a + two] + values[b + one]))
+        out[to + i] += ((w1 * (values[a + three] + values[b]) + w2 * (values[a + two] + values[b + one]))
                    + (w3 * (values[a + one] + values[b + two]) + w4 * (values[a] + values[b + three])))
 
 
