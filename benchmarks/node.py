@@ -39,6 +39,7 @@ def run(quick: bool) -> Report:
     peers = [peer for peer in _PEERS if Path(f'/usr/lib/opencv_apps/{peer}').is_file()]
     if len(peers) < len(_PEERS):
         report.notes.append('Without its peers: install ros-opencv-apps, libopencv-apps-dev and libnodeletlib-tools')
+    os.sched_setaffinity(0, range(os.cpu_count() or 1))   # the nodes inherit it
     with private_master('benchmark_node') as master:
         _round_trips(report, master, peers, 40 if quick else 150)
         _age_of_output(report, 3.0 if quick else 10.0)
@@ -117,9 +118,7 @@ def _started(package: str, executable: str, name: str, *parameters: str) -> Iter
     environment['PYTHONPATH'] = os.pathsep.join((os.getcwd(), environment.get('PYTHONPATH', '')))
     command = ['rosrun', package, executable, f'__name:={name}', f'in:=/{name}/in', f'image:=/{name}/'
                + ('out' if package == 'rvc_features' else 'in'), *parameters]
-    process = subprocess.Popen(
-        ['taskset', '-c', f'0-{(os.cpu_count() or 1) - 1}', *command], env=environment, start_new_session=True,
-        stdout=subprocess.DEVNULL)
+    process = subprocess.Popen(command, env=environment, start_new_session=True, stdout=subprocess.DEVNULL)
     try:
         yield
     finally:
