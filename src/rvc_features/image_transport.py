@@ -37,6 +37,7 @@ _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 # How much rospy reads at once where a callback may be slow: more than a message, or old frames wait in the socket
 # although queue_size is 1. It costs a tenth of the time of large images, so callbacks that only store do without.
 _LARGE_BUFFER = 1 << 24
+_SMALL_BUFFER = 1 << 20   # a fifth less time for large images than with rospy's 64 kB
 
 
 @dataclasses.dataclass(frozen=True)
@@ -197,7 +198,7 @@ class Subscriber:
         _warn_of_transport_in(self._base_topic)
         self._subscriber = rospy.Subscriber(
             self._transport.topic(self._base_topic), self._transport.message_class, self._receive,
-            queue_size=queue_size or None, buff_size=_LARGE_BUFFER if decode else rospy.topics.DEFAULT_BUFF_SIZE,
+            queue_size=queue_size or None, buff_size=_LARGE_BUFFER if decode else _SMALL_BUFFER,
             tcp_nodelay=tcp_nodelay)
 
     def get_num_publishers(self) -> int:
