@@ -51,9 +51,9 @@ class TestCompare(unittest.TestCase):
         for y in (40, 40 + 240 + 50):      # four tiles, each the image with points in colour
             for x in (0, 330):
                 tile = picture[y:y + 240, x:x + 320].astype(int)
-                drawn = np.ptp(tile, axis=2) > 0
-                self.assertGreater(drawn.sum(), 500)
-                self.assertLess(np.abs(tile - smooth[:, :, None])[~drawn].mean(), 1)
+                self.assertGreater((np.ptp(tile, axis=2) > 0).sum(), 500)
+                # Most pixels are the image's own; ORB's highest levels are drawn in white, which is no colour.
+                self.assertGreater((tile == smooth[:, :, None]).all(axis=2).mean(), 0.7)
         answer = compressed.wait_for(lambda message: message.header.stamp == stamp, 'the same, compressed')
         self.assertEqual(to_array(answer, 'bgr8').shape, MOSAIC)
 

@@ -8,7 +8,8 @@ the oldest Numba we support (0.58, Python 3.8) as on the newest:
 - a store into the narrow type ends each line: what Numba widens in between, LLVM narrows again;
 - unsigned indices where an offset is added, for a signed one could be negative and would count from the end.
 
-The kernels release the GIL and hold no state: they may run in several threads at once.
+The kernels release the GIL and hold no state: they may run in several threads at once. The two that go over whole
+images do so themselves: each thread takes a band of rows, as many as OpenCV has threads (`cv2.setNumThreads`).
 """
 
 from __future__ import annotations
@@ -16,9 +17,12 @@ from __future__ import annotations
 import functools
 import logging
 import math
+import os
 import time
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any, Callable
 
+import cv2
 import numpy as np
 
 try:
@@ -80,8 +84,16 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
     """
     image = _read_only(image)
     height, width = image.shape
-    if out is None:
-        out = _aligned((height, width), np.float32)
+    response = _aligned((height, width), np.float32) if out is None else out
+    largest = _in_bands(lambda first, last: _response_of_rows(image, window_size, window, harris_k, derivative_sigma,
+                                                              response, first, last), height, width)
+    return response, max(largest)
+
+
+def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float,
+                      out: np.ndarray, first: int, last: int) -> float:
+    """Fill in the rows from `first` to before `last`; returns the largest value in them."""
+    height, width = image.shape
     exact = image.dtype == np.uint8 and derivative_sigma == 0
     gradient_type = np.int16 if exact else np.float64
     radius = window_size // 2
@@ -96,18 +108,42 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
         gradients[-1] = 0
         sums = _aligned((4, 3 * stride + 64), np.int32 if exact else np.float64)
         sums.fill(0)
-        return out, _box_response(image, taps, int(window_size), float(harris_k), lead, stride, smoothed, sobel,
-                                  gradients, sums, out)
+        return _box_response(image, taps, int(window_size), float(harris_k), lead, stride, smoothed, sobel, gradients,
+                             sums, out, first, last)
     weights = _gaussian_taps(radius, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8).astype(np.float32)
     gradients = _aligned((1, 2, stride), gradient_type)
     products = _aligned((min(height, window_size), 3 * stride), np.float32)
     products.reshape(-1, 3, stride)[:, :, width:] = 0   # between the channels, where it is read but not used
     sums = _aligned((2, 3 * stride + 64), np.float32)
     sums.fill(0)
-    return out, _gaussian_response(image, taps, weights, float(harris_k), lead, stride, smoothed, sobel, gradients,
-                                   products, sums, out)
+    return _gaussian_response(image, taps, weights, float(harris_k), lead, stride, smoothed, sobel, gradients, products,
+                              sums, out, first, last)
 
 
+def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
+    """Local maxima above `minimum`, x and y in reading order; reference: `maxima.reference_local_maxima`."""
+    found = _in_bands(lambda first, last: _local_maxima(response, minimum, first, last), *response.shape)
+    return found[0] if len(found) == 1 else (np.concatenate([x for x, _ in found]),
+                                             np.concatenate([y for _, y in found]))
+
+
+def _in_bands(work: Callable[[int, int], Any], height: int, width: int) -> list[Any]:
+    """What `work(first, last)` gives for bands of rows that make up the image, in their order."""
+    bands = max(1, min(cv2.getNumThreads(), height * width // _LEAST_BAND, height))
+    ends = [height * (band + 1) // bands for band in range(bands)]
+    others = [_threads().submit(work, first, last) for first, last in zip(ends, ends[1:])]
+    return [work(0, ends[0]), *(other.result() for other in others)]
+
+
+@functools.lru_cache(maxsize=None)
+def _threads() -> ThreadPoolExecutor:
+    return ThreadPoolExecutor(os.cpu_count(), 'rvc_features')
+
+
+if hasattr(os, 'register_at_fork'):   # a forked process has none of its parent's threads
+    os.register_at_fork(after_in_child=_threads.cache_clear)
+
+_LEAST_BAND = 100_000   # pixels: less than that is done sooner than another thread wakes up
 _NO_ROWS = np.empty((0, 0))
 
 
@@ -173,15 +209,20 @@ def _reflect(index, length):
 
 
 @_kernel
-def _gradients(image, y, taps, smoothed, sobel, gradients, slot):
-    """3x3 Sobel gradients of row y, or of what the taps of a Gaussian make of it, into gradients[slot]."""
+def _gradients(image, y, is_first, taps, smoothed, sobel, gradients, slot):
+    """3x3 Sobel gradients of row y, or of what the taps of a Gaussian make of it, into gradients[slot].
+
+    Rows come one after the other; `is_first` says that nothing has been smoothed before.
+    """
     height, width = image.shape
     above, below = _reflect(y - 1, height), _reflect(y + 1, height)
     if taps is None:   # known to the compiler, which leaves out the rest
         _sobel(image, above, y, below, width, sobel, gradients, slot)
         return
-    if y == 0:
-        _smooth_row(image, 0, taps, smoothed)
+    if is_first:
+        if y > 0:
+            _smooth_row(image, y - 1, taps, smoothed)
+        _smooth_row(image, y, taps, smoothed)
     if y + 1 < height:
         _smooth_row(image, y + 1, taps, smoothed)
     _sobel(smoothed, above % 3, y % 3, below % 3, width, sobel, gradients, slot)
@@ -223,7 +264,7 @@ def _sobel(image, above, here, below, width, sobel, gradients, slot):
 
 
 @_kernel
-def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, sobel, gradients, sums, out):
+def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, sobel, gradients, sums, out, first, last):
     """Running sums down the columns, sums of neighbours along the row; A, B and C lie one after the other."""
     height, width = image.shape
     radius = window_size // 2
@@ -233,14 +274,14 @@ def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, so
     columns, windows = sums[0], sums[1]
     step = _at_once(stride)
     largest = np.full(width, -np.inf, np.float32)
-    done = 0
-    for y in range(height):
+    done = begin = max(0, first - radius)
+    for y in range(first, last):
         while done <= min(height - 1, y + radius):
-            _gradients(image, done, taps, smoothed, sobel, gradients, slot_of[done])
+            _gradients(image, done, done == begin, taps, smoothed, sobel, gradients, slot_of[done])
             done += 1
-        if y == 0:
+        if y == first:
             for j in range(-radius, radius + 1):
-                _slide(columns, lead, stride, gradients, slot_of[_reflect(j, height)], zeros, width)
+                _slide(columns, lead, stride, gradients, slot_of[_reflect(y + j, height)], zeros, width)
         else:
             _slide(columns, lead, stride, gradients, slot_of[_reflect(y + radius, height)],
                    slot_of[_reflect(y - 1 - radius, height)], width)
@@ -365,7 +406,8 @@ def _combine(windows, stride, harris_k, scale, out, y, largest):
 
 
 @_kernel
-def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, sobel, gradients, products, sums, out):
+def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, sobel, gradients, products, sums, out,
+                       first, last):
     """The same with weighted sums; products of the rows a window covers are kept in turn."""
     height, width = image.shape
     radius = len(weights) - 1
@@ -374,10 +416,10 @@ def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, s
     step = _at_once(stride)
     largest = np.full(width, -np.inf, np.float32)
     slot = np.empty(2 * radius + 1, np.int64)
-    done = 0
-    for y in range(height):
+    done = begin = max(0, first - radius)
+    for y in range(first, last):
         while done <= min(height - 1, y + radius):
-            _gradients(image, done, taps, smoothed, sobel, gradients, 0)
+            _gradients(image, done, done == begin, taps, smoothed, sobel, gradients, 0)
             _multiply(gradients, width, stride, products, slot_of[done])
             done += 1
         for j in range(2 * radius + 1):
@@ -493,17 +535,17 @@ def _add_four_pairs(values, left, right, weights, count, out, to):
 
 
 @_kernel
-def local_maxima(response, minimum):
-    """Local maxima above `minimum`, x and y in reading order; reference: `maxima.reference_local_maxima`."""
+def _local_maxima(response, minimum, first, last):
+    """Those in the rows from `first` to before `last`."""
     height, width = response.shape
-    capacity = ((height + 1) // 2) * ((width + 1) // 2) + 8   # of two neighbours only one is a maximum
+    capacity = ((last - first + 1) // 2) * ((width + 1) // 2) + 8   # of two neighbours only one is a maximum
     found_x, found_y = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     words = np.zeros(width // 8 + 1, np.uint64)
     flags = words.view(np.uint8)
     minimum = np.float32(minimum)
     outside = np.full(width, -np.inf, np.float32)
     count = 0
-    for y in range(height):
+    for y in range(first, last):
         above = response[y - 1] if y > 0 else outside
         below = response[y + 1] if y < height - 1 else outside
         _flag_maxima(response[y], above, below, minimum, flags)

@@ -1,6 +1,7 @@
 """Each compiled kernel against the reference beside it; and that nothing needs them."""
 
 import json
+import multiprocessing
 import os
 import subprocess
 import sys
@@ -51,6 +52,41 @@ def test_response_kernel_equals_reference(shape, window, derivative_sigma):
             response, largest = kernels.response(image, window_size, window, 0.04, derivative_sigma)
             assert_equal_response(response, expected)
             assert largest == response.max()
+
+
+@pytest.fixture
+def in_bands(monkeypatch):
+    """Every image in three bands of rows, however small it is."""
+    threads = cv2.getNumThreads()
+    cv2.setNumThreads(3)
+    monkeypatch.setattr(kernels, '_LEAST_BAND', 1)
+    yield
+    cv2.setNumThreads(threads)
+
+
+@compiled
+@pytest.mark.parametrize('derivative_sigma', [0.0, 1.0])
+@pytest.mark.parametrize('window', ['box', 'gaussian'])
+def test_bands_of_rows_make_no_difference(in_bands, window, derivative_sigma):
+    for shape in SHAPES:
+        for _, image in images(shape):
+            for window_size in (3, 9, 31):
+                expected = reference_response(image, window_size, window, 0.04, derivative_sigma)
+                response, largest = kernels.response(image, window_size, window, 0.04, derivative_sigma)
+                assert_equal_response(response, expected)
+                assert largest == response.max()
+                found = kernels.local_maxima(response, 0.0)
+                assert np.array_equal(found, maxima.reference_local_maxima(response, 0.0))
+
+
+@compiled
+@pytest.mark.skipif(not hasattr(os, 'fork'), reason='no fork on this system')
+def test_a_forked_process_has_threads_of_its_own(in_bands):
+    image = texture((90, 120))
+    expected, _ = kernels.response(image, 5, 'gaussian', 0.04)
+    with multiprocessing.get_context('fork').Pool(1) as pool:
+        response, _ = pool.apply_async(kernels.response, (image, 5, 'gaussian', 0.04)).get(60)
+    assert np.array_equal(response, expected)
 
 
 @compiled
