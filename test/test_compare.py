@@ -52,7 +52,7 @@ class TestCompare(unittest.TestCase):
             for x in (0, 330):
                 tile = picture[y:y + 240, x:x + 320].astype(int)
                 self.assertGreater((np.ptp(tile, axis=2) > 0).sum(), 500)
-                # The other pixels are the image's own; ORB's large circles cover nearly half of it, the largest in white.
+                # The others are the image's own; ORB's large circles cover nearly half of it, the largest in white.
                 self.assertGreater((tile == smooth[:, :, None]).all(axis=2).mean(), 0.4)
         answer = compressed.wait_for(lambda message: message.header.stamp == stamp, 'the same, compressed')
         self.assertEqual(to_array(answer, 'bgr8').shape, MOSAIC)
