@@ -143,7 +143,7 @@ def _threads() -> ThreadPoolExecutor:
 if hasattr(os, 'register_at_fork'):   # a forked process has none of its parent's threads
     os.register_at_fork(after_in_child=_threads.cache_clear)
 
-_LEAST_BAND = 100_000   # pixels: less than that is done sooner than another thread wakes up
+_LEAST_BAND = 250_000   # pixels: fewer are done about as soon as another thread wakes up
 _NO_ROWS = np.empty((0, 0))
 
 
