@@ -73,8 +73,7 @@ class HarrisDetector(FeatureDetector):
     border: int = parameter(0, Integer(
         'Width in pixels of a rim of each octave in which no point is taken.', 0))
     orientation_sigma: float = parameter(2.5, Real(
-        'Size of the larger kernel for the orientation: standard deviation in pixels of the octave.',
-        0, 50, above_low=True))
+        'Size of the larger kernel for the orientation: standard deviation in pixels of the octave.', 0.1, 50))
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Candidates of every octave, then one filter over all of them together."""

@@ -74,7 +74,7 @@ def response_and_maximum(image: np.ndarray, window_size: int, window: str, harri
 
     `out`, where it is given (float32, contiguous, of the image's shape), may be what holds the response afterwards.
     """
-    if not _fits_kernel(image, window_size, window):
+    if not _fits_kernel(image, window_size):
         response = reference_response(image, window_size, window, harris_k, derivative_sigma)
         return response, float(response.max())
     return kernels.response(image, window_size, window, harris_k, derivative_sigma, out)
@@ -113,9 +113,10 @@ def gaussian_window_sigma(window_size: int) -> float:
     return 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8
 
 
-def _fits_kernel(image: np.ndarray, window_size: int, window: str) -> bool:
-    # In a tiny image H may nearly cancel at every pixel, and single precision be too little beside the largest |H|.
-    return (image.size >= _LEAST_PIXELS and (window != 'box' or window_size <= kernels.LARGEST_BOX)
+def _fits_kernel(image: np.ndarray, window_size: int) -> bool:
+    # Single precision is too little beside the largest |H| where H may nearly cancel at every pixel: in tiny images,
+    # and where the window is as large as the image.
+    return (image.size >= _LEAST_PIXELS and window_size <= min(kernels.LARGEST_BOX, *image.shape)
             and kernels.available())
 
 

@@ -98,9 +98,12 @@ def test_widest_boxes_of_the_kernel_do_not_overflow(window_size):
 
 
 @pytest.mark.parametrize('window', ['box', 'gaussian'])
-def test_windows_beyond_the_kernel(window):
-    image = texture((70, 90))
-    assert_equal_response(harris_response(image, 61, window), reference_response(image, 61, window, 0.04, 0.0))
+@pytest.mark.parametrize(('shape', 'window_size'), [((70, 90), 61), ((17, 93), 63), ((17, 93), 31), ((400, 15), 17)])
+def test_windows_beyond_the_kernel(shape, window_size, window):
+    ramp = (np.indices(shape) * [[[2]], [[3]]]).sum(axis=0).astype(np.uint8)   # H nearly cancels in most of it
+    for image in (texture(shape), ramp):
+        expected = reference_response(image, window_size, window, 0.04, 0.0)
+        assert_equal_response(harris_response(image, window_size, window), expected)
 
 
 @compiled
