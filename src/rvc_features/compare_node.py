@@ -38,7 +38,7 @@ from rvc_features.comparison import live
 from rvc_features.comparison.contestants import ContestantError
 from rvc_features.heap import keep_large_blocks
 from rvc_features.image_messages import ImageError, to_array
-from rvc_features.image_transport import ImageTransport
+from rvc_features.image_transport import ImageTransport, known_transport
 from rvc_features.lazy_input import LazyInput
 from rvc_features.newest_worker import NewestWorker
 
@@ -52,8 +52,8 @@ class CompareNode:
     def __init__(self, side_by_side: live.SideBySide) -> None:
         self.side_by_side = side_by_side
         self.worker = NewestWorker(self.process, 'compare')
-        transport = ImageTransport()
-        self.input = LazyInput(lambda: transport.subscribe('in', self.worker.put, decode=False),
+        transport, hints = ImageTransport(), known_transport()
+        self.input = LazyInput(lambda: transport.subscribe('in', self.worker.put, transport_hints=hints, decode=False),
                                lambda: self.publisher.get_num_subscribers())
         changed = self.input.changed.set
         self.publisher = transport.advertise('mosaic', subscriber_connected=changed, subscriber_disconnected=changed)

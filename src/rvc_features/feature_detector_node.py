@@ -47,7 +47,7 @@ from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
 from rvc_features.heap import keep_large_blocks
 from rvc_features.image_messages import ImageError, to_array, to_image_message
-from rvc_features.image_transport import ImageTransport, Subscriber, TransportHints
+from rvc_features.image_transport import ImageTransport, Subscriber, known_transport
 from rvc_features.lazy_input import LazyInput
 from rvc_features.msg import KeyPoints
 from rvc_features.newest_worker import NewestWorker
@@ -74,7 +74,7 @@ class FeatureDetectorNode:
         self.worker = NewestWorker(self.process, 'feature_detector')
         self._picture = np.empty((0, 0, 3), np.uint8)
         self.image_transport = ImageTransport()
-        self._hints = self._known_transport()
+        self._hints = known_transport(self.reject_parameter)
         self._stopping = False
         self.input = LazyInput(self._subscribe, self._listeners)
         self.image_publisher = self.image_transport.advertise(
@@ -206,14 +206,6 @@ class FeatureDetectorNode:
     def _subscribe(self) -> Subscriber:
         return self.image_transport.subscribe('in', self.image_message_callback, queue_size=1,
                                               transport_hints=self._hints, decode=False)
-
-    def _known_transport(self) -> TransportHints:
-        """What ~image_transport says, or raw where there is no such transport."""
-        asked, known = TransportHints().get_transport(), self.image_transport.get_declared_transports()
-        if asked not in known:
-            self.reject_parameter(f"~image_transport must be one of {', '.join(known)}; got {asked!r}, 'raw' is used")
-            asked = 'raw'
-        return TransportHints(asked, parameter_name='image_transport_in_use')
 
     def _import_detectors(self, modules: Any) -> None:
         for module in [modules] if isinstance(modules, str) else modules:

@@ -315,6 +315,15 @@ class CompressedTransport(Transport):
 TRANSPORTS: dict[str, type[Transport]] = {'raw': RawTransport, 'compressed': CompressedTransport}
 
 
+def known_transport(reject: Callable[[str], None] = rospy.logwarn) -> TransportHints:
+    """What ~image_transport says; where there is no such transport, raw, and a sentence to `reject`."""
+    asked = TransportHints().get_transport()
+    if asked not in TRANSPORTS:
+        reject(f"~image_transport must be one of {', '.join(sorted(TRANSPORTS))}; got {asked!r}, 'raw' is used")
+        asked = 'raw'
+    return TransportHints(asked, parameter_name='image_transport_in_use')
+
+
 class _Outlet(rospy.SubscribeListener):
     """One transport of a publisher."""
 
