@@ -21,6 +21,7 @@ EXPECTED = {
     'unknown_detector': {'detector': 'harris', 'ANMS': True},
     'other_detector': {'detector': 'orb'},
     'unknown_transport': {'detector': 'harris'},
+    'no_list_of_modules': {'detector': 'harris'},
 }
 
 

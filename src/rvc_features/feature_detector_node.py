@@ -208,7 +208,12 @@ class FeatureDetectorNode:
                                               transport_hints=self._hints, decode=False)
 
     def _import_detectors(self, modules: Any) -> None:
-        for module in [modules] if isinstance(modules, str) else modules:
+        if isinstance(modules, str):
+            modules = [modules]
+        if not isinstance(modules, list):
+            self.reject_parameter(f'~detector_modules must be a list of module names; got {modules!r}')
+            return
+        for module in modules:
             try:
                 importlib.import_module(module)
             except Exception:   # of a module that is not ours: its detectors are missing, the others work

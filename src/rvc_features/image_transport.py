@@ -317,7 +317,7 @@ TRANSPORTS: dict[str, type[Transport]] = {'raw': RawTransport, 'compressed': Com
 
 def known_transport(reject: Callable[[str], None] = rospy.logwarn) -> TransportHints:
     """What ~image_transport says; where there is no such transport, raw, and a sentence to `reject`."""
-    asked = TransportHints().get_transport()
+    asked = str(TransportHints().get_transport())
     if asked not in TRANSPORTS:
         reject(f"~image_transport must be one of {', '.join(sorted(TRANSPORTS))}; got {asked!r}, 'raw' is used")
         asked = 'raw'
