@@ -15,7 +15,7 @@ import rosbag
 import rospy
 import rostest
 import yaml
-from ros_helpers import SECONDS, Inbox, texture
+from ros_helpers import Diagnostics, Inbox, texture
 from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import Image
 
@@ -130,14 +130,15 @@ class TestTools(unittest.TestCase):
             node = subprocess.Popen(['rosrun', 'rvc_features', 'feature_detector', '__name:=ending', 'in:=/ending',
                                      'image:=/ending/image'], env=environment, stdout=subprocess.PIPE)
             try:
-                pictures = Inbox('/ending/image', Image)
-                rospy.wait_for_service('/ending/set_parameters', SECONDS)
+                pictures, diagnostics = Inbox('/ending/image', Image), Diagnostics('ending')
+                diagnostics.wait_for_values(lambda values: True, 'a report of a node that runs')
                 node.send_signal(number)
-                self.assertEqual(node.wait(5), 0)
+                self.assertEqual(node.wait(10), 0)
             finally:
                 node.kill()
                 node.communicate()
                 pictures.close()
+                diagnostics.close()
 
 
 if __name__ == '__main__':

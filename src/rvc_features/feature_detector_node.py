@@ -56,6 +56,7 @@ from rvc_features.reconfigure import ReconfigureServer, with_detectors
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 _REPORT_PERIOD = 1.0    # seconds between two diagnostic messages
+_PATIENCE = 2.0         # seconds for each thread to end what it is at, when the node is told to end
 
 
 class FeatureDetectorNode:
@@ -88,8 +89,8 @@ class FeatureDetectorNode:
         self.diagnostics.setHardwareID('none')
         self.diagnostics.add('feature detector', self.report)
         self._housekeeper = threading.Thread(target=self._keep_house, name='housekeeper', daemon=True)
-        self._housekeeper.start()
         rospy.on_shutdown(self.shutdown)
+        self._housekeeper.start()
 
     def update_config(self, config: Any, level: int) -> Any:
         """Callback of dynamic_reconfigure, with sane values: a new detector takes the place of the old one."""
@@ -151,8 +152,9 @@ class FeatureDetectorNode:
         """End the threads; called by rospy, whose own flag is not set yet."""
         self._stopping = True
         self.input.changed.set()
-        self._housekeeper.join()
-        self.worker.stop()
+        if self._housekeeper.is_alive():
+            self._housekeeper.join(_PATIENCE)
+        self.worker.stop(_PATIENCE)
 
     def _detect_and_publish(self, message: Any) -> int:
         detector = self.detector   # the same one for the whole frame

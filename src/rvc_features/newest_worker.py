@@ -44,12 +44,12 @@ class NewestWorker:
             self._slot = item
             self._changed.notify()
 
-    def stop(self) -> None:
-        """Finish the item at work, drop what waits, and end the thread."""
+    def stop(self, seconds: float | None = None) -> None:
+        """Finish the item at work, drop what waits, and end the thread; wait for that, or at most so long."""
         with self._changed:
             self._stopped = True
             self._changed.notify()
-        self._thread.join()
+        self._thread.join(seconds)
 
     def _run(self) -> None:
         while True:
