@@ -15,7 +15,7 @@ import rosbag
 import rospy
 import rostest
 import yaml
-from ros_helpers import Diagnostics, Inbox, texture
+from ros_helpers import SECONDS, Diagnostics, Inbox, texture
 from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import Image
 
@@ -126,12 +126,15 @@ class TestTools(unittest.TestCase):
 
     def test_the_node_ends_at_once_when_told_to(self):
         environment = {**os.environ, 'PYTHONUNBUFFERED': '1'}
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number, while_it_starts in ((signal.SIGINT, False), (signal.SIGTERM, False), (signal.SIGTERM, True)):
             node = subprocess.Popen(['rosrun', 'rvc_features', 'feature_detector', '__name:=ending', 'in:=/ending',
                                      'image:=/ending/image'], env=environment, stdout=subprocess.PIPE)
             try:
                 pictures, diagnostics = Inbox('/ending/image', Image), Diagnostics('ending')
-                diagnostics.wait_for_values(lambda values: True, 'a report of a node that runs')
+                if while_it_starts:   # the first thing of it that is there
+                    rospy.wait_for_service('/ending/set_parameters', SECONDS)
+                else:
+                    diagnostics.wait_for_values(lambda values: True, 'a report of a node that runs')
                 node.send_signal(number)
                 self.assertEqual(node.wait(10), 0)
             finally:

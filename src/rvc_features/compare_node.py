@@ -41,6 +41,7 @@ from rvc_features.image_messages import ImageError, to_array
 from rvc_features.image_transport import ImageTransport, known_transport
 from rvc_features.lazy_input import LazyInput
 from rvc_features.newest_worker import NewestWorker
+from rvc_features.spin import spin
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 _PATIENCE = 1.0         # seconds until the node notices that it has been told to end
@@ -99,12 +100,11 @@ def main() -> int:
         rospy.logwarn(f'~tile_width must be an integer of at least 1; got {tile_width!r}, 640 is used')
         tile_width = 640
     try:
-        node = CompareNode(live.SideBySide(chosen, tile_width))
+        side_by_side = live.SideBySide(chosen, tile_width)
     except ValueError as error:
         rospy.logfatal(str(error))
         return 2
-    node.run()
-    return 0
+    return spin(lambda: CompareNode(side_by_side).run())
 
 
 if __name__ == '__main__':

@@ -53,6 +53,7 @@ from rvc_features.msg import KeyPoints
 from rvc_features.newest_worker import NewestWorker
 from rvc_features.node_statistics import NodeStatistics
 from rvc_features.reconfigure import ReconfigureServer, with_detectors
+from rvc_features.spin import spin
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 _REPORT_PERIOD = 1.0    # seconds between two diagnostic messages
@@ -236,9 +237,8 @@ class _Listener(rospy.SubscribeListener):
         self._changed.set()
 
 
-def main() -> None:
-    """Run the node until it is told to end."""
+def main() -> int:
+    """Run the node until it is told to end; the exit status."""
     keep_large_blocks()
     rospy.init_node('feature_detector')
-    FeatureDetectorNode()
-    rospy.spin()
+    return spin(FeatureDetectorNode)

@@ -17,6 +17,7 @@ import rospy
 
 from rvc_features.image_transport import TRANSPORTS, ImageTransport, TransportHints
 from rvc_features.lazy_input import LazyInput
+from rvc_features.spin import spin
 
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 
@@ -40,11 +41,11 @@ class Republisher:
             self.input.wait(_PATIENCE)
 
 
-def main() -> None:
-    """Run the node until it is told to end."""
+def main() -> int:
+    """Run the node until it is told to end; the exit status."""
     parser = argparse.ArgumentParser(prog='republish', description=__doc__.partition('\n')[0])
     parser.add_argument('in_transport', choices=sorted(TRANSPORTS))
     parser.add_argument('out_transport', choices=sorted(TRANSPORTS), nargs='?')
     arguments = parser.parse_args(rospy.myargv()[1:])
     rospy.init_node('republish', anonymous=True)
-    Republisher(arguments.in_transport, arguments.out_transport).run()
+    return spin(lambda: Republisher(arguments.in_transport, arguments.out_transport).run())

@@ -6,7 +6,7 @@ from pathlib import Path
 
 SOURCE = Path(__file__).resolve().parents[2] / 'src'
 ROS_HALF = {'bags', 'compare_node', 'demo', 'feature_detector_node', 'image_messages', 'image_transport', 'lazy_input',
-            'make_bag', 'private_master', 'reconfigure', 'republish'}
+            'make_bag', 'private_master', 'reconfigure', 'republish', 'spin'}
 
 PROGRAM = """
 import importlib, sys
