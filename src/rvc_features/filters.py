@@ -119,9 +119,12 @@ def _largest_first(values: np.ndarray, count: int) -> np.ndarray:
 
 def _strongest_first(responses: np.ndarray) -> np.ndarray:
     responses = np.asarray(responses, np.float64)
-    if kernels.available():
+    if len(responses) >= _MANY and kernels.available():
         return kernels.strongest_first(responses)
     return np.argsort(-responses, kind='stable')
+
+
+_MANY = 1000   # from here on the kernel sorts faster than NumPy
 
 
 def _checked_candidates(points: np.ndarray, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

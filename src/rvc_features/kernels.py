@@ -1,12 +1,11 @@
 """The hot loops, compiled by Numba. Each has its readable reference in the module that calls it.
 
 Nothing here is needed: where Numba is missing or does not work, `available()` is False, one line in the log says so,
-and the callers take their reference path. How the loops are written follows from what makes LLVM vectorise them, on
-the oldest Numba we support (0.58, Python 3.8) as on the newest:
+and the callers take their reference path.
 
-- short loops over few arrays, row by row, so that everything but the image stays in the nearest caches;
-- a store into the narrow type ends each line: what Numba widens in between, LLVM narrows again;
-- unsigned indices where an offset is added, for a signed one could be negative and would count from the end.
+Whole images are gone over row by row, so that everything but the image stays in the nearest caches, and along a row by
+vectors of sixteen numbers (vectors.py). Rows that are read beyond their ends lie in buffers with room for that; in an
+image the last vector of a row ends where the row does, and does some of the work of the one before it again.
 
 The kernels release the GIL and hold no state: they may run in several threads at once. The two that go over whole
 images do so themselves: each thread takes a band of rows, as many as OpenCV has threads (`cv2.setNumThreads`).
@@ -27,11 +26,27 @@ import numpy as np
 
 try:
     import numba
+
+    from rvc_features.vectors import (
+        LANES,
+        load,
+        lowest_bit,
+        maximum,
+        splat,
+        store,
+        sum_of,
+        to_float32,
+        to_float64,
+        where_greater,
+        where_not_less,
+        widened,
+    )
     _reason_against = 'NUMBA_DISABLE_JIT is set' if getattr(numba.config, 'DISABLE_JIT', False) else ''
 except Exception as error:   # an ImportError, or whatever a Numba that does not fit this NumPy raises
     _reason_against = str(error)
 
 LARGEST_BOX = 45   # pixels: the largest odd window whose sums of Sobel products fit in 32 bits, w^2 (4 * 255)^2 < 2^31
+LEAST_WIDTH = 18   # pixels: a vector, and one more on either side
 
 _logger = logging.getLogger('rvc_features')
 
@@ -47,15 +62,15 @@ def available() -> bool:
 def compile_all() -> float:
     """Compile what a detector needs for uint8 images, or load it from Numba's cache; the seconds it took.
 
-    Without this the first frame waits for it: half a minute the first time on a machine, half a second later. Left
-    out is what is rarely asked for: the box window after smoothing.
+    Without this the first frame waits for it: half a minute the first time on a machine, half a second later.
     """
     start = time.perf_counter()
     if available():
         image = np.zeros((40, 40), np.uint8)
         image[10:, 10:] = 255
-        for window, derivative_sigma in (('box', 0.0), ('gaussian', 0.0), ('gaussian', 1.0)):
-            values, _ = response(image, 5, window, 0.04, derivative_sigma)
+        for window in ('box', 'gaussian'):
+            for derivative_sigma in (1.0, 0.0):
+                values, _ = response(image, 5, window, 0.04, derivative_sigma)
         x, y = refine(values, *local_maxima(values, 10.0))
         smoothed_gradients(image, x, y, 2.5)
         points, responses = np.column_stack((x, y)), np.ones(len(x))
@@ -68,13 +83,14 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
              out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """Harris response and its largest value; reference: `response.reference_response`.
 
-    Smoothing, gradients, their products, the window and the response are computed row by row in one pass. The box
-    window's sums are exact for uint8 without smoothing and else in double precision; the Gaussian window's are in
-    single precision. H is put together in double precision, for A C - B^2 may cancel.
+    Smoothing, gradients, their products, the window and the response are computed row by row in one pass. For uint8
+    without smoothing gradients are exact, and so are the box window's sums. Smoothing, and the box window after it, are
+    in double precision, the Gaussian window's sums in single precision.
 
     Parameters
     ----------
     image : ndarray, uint8 or float32, shape (H, W)
+        At least as high and wide as the window, and `LEAST_WIDTH` wide.
     window_size : int
         Odd; for the box at most `LARGEST_BOX`.
     window : {'gaussian', 'box'}
@@ -84,6 +100,8 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
     """
     image = _read_only(image)
     height, width = image.shape
+    if width < LEAST_WIDTH:
+        raise ValueError(f'image must be at least {LEAST_WIDTH} pixels wide; got {width}')
     response = _aligned((height, width), np.float32) if out is None else out
     largest = _in_bands(lambda first, last: _response_of_rows(image, window_size, window, harris_k, derivative_sigma,
                                                               response, first, last), height, width)
@@ -95,29 +113,31 @@ def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k
     """Fill in the rows from `first` to before `last`; returns the largest value in them."""
     height, width = image.shape
     exact = image.dtype == np.uint8 and derivative_sigma == 0
-    gradient_type = np.int16 if exact else np.float64
     radius = window_size // 2
-    lead, stride = _padding(width, radius)
-    taps, smoothed = None, _NO_ROWS
+    taps, margin = None, 0
     if derivative_sigma > 0:
         margin = int(np.ceil(4 * derivative_sigma))
-        taps, smoothed = _gaussian_taps(margin, derivative_sigma), _aligned((5, width + 2 * margin), np.float64)
-    sobel = _aligned((2, width + 2), gradient_type)
+        taps = _gaussian_taps(margin, derivative_sigma)
+    smoothed = _aligned((width + 2 * margin + LANES,), np.float64)
+    smoothed.fill(0)   # here and below: what lies beyond the ends is not used, but slow if it happens to be tiny
+    rows = _aligned((3, _row_length(width, 1)), np.uint8 if exact else np.float64)
+    rows.fill(0)
+    lead, length = _lead(radius), _row_length(width, _lead(radius))
     if window == 'box':
-        gradients = _aligned((min(height, window_size + 1) + 1, 2, stride), gradient_type)
+        gradients = _aligned((min(height, window_size + 1) + 1, 2, length), np.int16 if exact else np.float64)
         gradients[-1] = 0
-        sums = _aligned((4, 3 * stride + 64), np.int32 if exact else np.float64)
-        sums.fill(0)
-        return _box_response(image, taps, int(window_size), float(harris_k), lead, stride, smoothed, sobel, gradients,
-                             sums, out, first, last)
-    weights = _gaussian_taps(radius, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8).astype(np.float32)
-    gradients = _aligned((1, 2, stride), gradient_type)
-    products = _aligned((min(height, window_size), 3 * stride), np.float32)
-    products.reshape(-1, 3, stride)[:, :, width:] = 0   # between the channels, where it is read but not used
-    sums = _aligned((2, 3 * stride + 64), np.float32)
-    sums.fill(0)
-    return _gaussian_response(image, taps, weights, float(harris_k), lead, stride, smoothed, sobel, gradients, products,
-                              sums, out, first, last)
+        columns, fours = _aligned((2, 3, length), np.int32 if exact else np.float64)
+        columns.fill(0)
+        return _box_response(image, taps, int(window_size), float(harris_k), lead, smoothed, rows, gradients, columns,
+                             fours, out, first, last)
+    weights = np.zeros(window_size + 2, np.float32)   # with a zero before and after
+    side = _gaussian_taps(radius, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8)
+    weights[1:-1] = np.concatenate((side[:0:-1], side))
+    products = _aligned((min(height, window_size + 1), 3, length), np.float32)
+    products.fill(0)
+    columns = _aligned((2, 3, length), np.float32)
+    return _gaussian_response(image, taps, weights, np.float32(harris_k), lead, smoothed, rows, products, columns, out,
+                              first, last)
 
 
 def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
@@ -144,7 +164,6 @@ if hasattr(os, 'register_at_fork'):   # a forked process has none of its parent'
     os.register_at_fork(after_in_child=_threads.cache_clear)
 
 _LEAST_BAND = 250_000   # pixels: fewer are done about as soon as another thread wakes up
-_NO_ROWS = np.empty((0, 0))
 
 
 @functools.lru_cache(maxsize=64)
@@ -184,16 +203,14 @@ def _aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
     return memory[start:start + size].view(dtype).reshape(shape)
 
 
-def _padding(width: int, radius: int) -> tuple[int, int]:
-    """Where a row of sums begins in its buffer, and how far apart those of A, B and C are; in whole cache lines."""
-    lead = -(-radius // 16) * 16
-    return lead, -(-(lead + width + radius + 1) // 32) * 32
+def _row_length(width: int, lead: int) -> int:
+    """Of a buffer for rows of that width that begin at `lead`, with room to read beyond either end; in cache lines."""
+    return -(-(lead + width + max(lead, 1) + 2 * LANES) // 64) * 64
 
 
-@_kernel
-def _at_once(stride):
-    """How much of A, B and C a loop takes at once: all if that fits the nearest cache, or one after the other."""
-    return 3 * stride if stride <= 1024 else stride
+def _lead(radius: int) -> int:
+    """Where a row begins that is read from `radius` before its first pixel: at a cache line."""
+    return -(-radius // LANES) * LANES
 
 
 @_kernel
@@ -209,326 +226,235 @@ def _reflect(index, length):
 
 
 @_kernel
-def _gradients(image, y, is_first, taps, smoothed, sobel, gradients, slot):
-    """3x3 Sobel gradients of row y, or of what the taps of a Gaussian make of it, into gradients[slot].
+def _reflect_ends(row, start, width, radius):
+    """Continue a row that begins at `start` by `radius` numbers on either side."""
+    end = start + width - 1
+    if radius < width:
+        for j in range(1, radius + 1):
+            row[start - j] = row[start + j]
+        for j in range(1, radius + 1):
+            row[end + j] = row[end - j]
+    else:
+        for j in range(1, radius + 1):
+            row[start - j] = row[start + _reflect(j, width)]
+            row[end + j] = row[start + _reflect(width - 1 + j, width)]
 
-    Rows come one after the other; `is_first` says that nothing has been smoothed before.
+
+@_kernel
+def _next_gradient_rows(image, y, is_first, taps, smoothed, rows):
+    """See to it that rows y - 1 to y + 1 of the image, smoothed if there are taps, are among the three that are kept.
+
+    Called for one y after the other; `is_first` says that none has been fetched before. Returns where they begin.
     """
     height, width = image.shape
-    above, below = _reflect(y - 1, height), _reflect(y + 1, height)
-    if taps is None:   # known to the compiler, which leaves out the rest
-        _sobel(image, above, y, below, width, sobel, gradients, slot)
-        return
-    if is_first:
-        if y > 0:
-            _smooth_row(image, y - 1, taps, smoothed)
-        _smooth_row(image, y, taps, smoothed)
-    if y + 1 < height:
-        _smooth_row(image, y + 1, taps, smoothed)
-    _sobel(smoothed, above % 3, y % 3, below % 3, width, sobel, gradients, slot)
+    for above in range(y - 1 if is_first else y + 1, y + 2):
+        if 0 <= above < height:
+            row = rows[above % 3]
+            if taps is None:   # known to the compiler, which leaves out the rest
+                for i in range(width):
+                    row[i + 1] = image[above, i]
+            else:
+                _smooth_row(image, above, taps, smoothed, row)
+            _reflect_ends(row, 1, width, 1)
+    length = rows.shape[1]
+    return _reflect(y - 1, height) % 3 * length, y % 3 * length, _reflect(y + 1, height) % 3 * length
 
 
 @_kernel
-def _smooth_row(image, y, taps, smoothed):
-    """Row y of the smoothed image into smoothed[y % 3]; the last two rows are for what is on the way."""
+def _smooth_row(image, y, taps, column, out):
+    """Row y of the smoothed image, from out[1] on: down the columns, then along the row."""
     height, width = image.shape
     radius = len(taps) - 1
-    rows = np.empty(2 * radius + 1, np.int64)
-    for j in range(2 * radius + 1):
-        rows[j] = _reflect(y + j - radius, height)
-    column = smoothed[3]
-    _weigh_rows(image, rows, 0, taps, width, column, radius)
-    for j in range(1, radius + 1):
-        column[radius - j] = column[radius + _reflect(j, width)]
-        column[radius + width - 1 + j] = column[radius + _reflect(width - 1 + j, width)]
-    _weigh_neighbours(column, radius, taps, width, smoothed[y % 3], 0)
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        total = splat(taps[0]) * to_float64(load(image, y * width + i))
+        for j in range(1, radius + 1):
+            above, below = _reflect(y - j, height), _reflect(y + j, height)
+            pair = widened(load(image, above * width + i)) + widened(load(image, below * width + i))
+            total += splat(taps[j]) * to_float64(pair)
+        store(column, radius + i, total)
+    _reflect_ends(column, radius, width, radius)
+    for i in range(0, width, LANES):
+        total = splat(taps[0]) * load(column, radius + i)
+        for j in range(1, radius + 1):
+            total += splat(taps[j]) * (load(column, radius + i - j) + load(column, radius + i + j))
+        store(out, 1 + i, total)
 
 
 @_kernel
-def _sobel(image, above, here, below, width, sobel, gradients, slot):
-    """First down the columns, then along the row."""
-    n = np.uint64(width)
-    one, two = np.uint64(1), np.uint64(2)
-    kind = sobel.dtype.type
-    for i in range(n):
-        sobel[0, i + one] = kind(image[above, i]) + kind(2) * kind(image[here, i]) + kind(image[below, i])
-    for i in range(n):
-        sobel[1, i + one] = kind(image[below, i]) - kind(image[above, i])
-    for part in range(2):
-        sobel[part, 0] = sobel[part, min(2, width)]
-        sobel[part, width + 1] = sobel[part, max(width - 1, 1)]
-    for i in range(n):
-        gradients[slot, 0, i] = sobel[0, i + two] - sobel[0, i]
-    for i in range(n):
-        gradients[slot, 1, i] = sobel[1, i] + kind(2) * sobel[1, i + one] + sobel[1, i + two]
+def _gradient(rows, above, here, below, i):
+    """3x3 Sobel gradients of sixteen pixels from i on, in x and in y."""
+    above, here, below = above + i, here + i, below + i
+    a, b, c = widened(load(rows, above)), widened(load(rows, above + 1)), widened(load(rows, above + 2))
+    d, e = widened(load(rows, here)), widened(load(rows, here + 2))
+    f, g, h = widened(load(rows, below)), widened(load(rows, below + 1)), widened(load(rows, below + 2))
+    return (c - a) + (e - d) + (e - d) + (h - f), (f - a) + (g - b) + (g - b) + (h - c)
 
 
 @_kernel
-def _box_response(image, taps, window_size, harris_k, lead, stride, smoothed, sobel, gradients, sums, out, first, last):
-    """Running sums down the columns, sums of neighbours along the row; A, B and C lie one after the other."""
+def _harris(a, b, c, harris_k):
+    """H = A C - B^2 - k (A + C)^2."""
+    trace = a + c
+    return a * c - b * b - harris_k * (trace * trace)
+
+
+@_kernel
+def _box_response(image, taps, window_size, harris_k, lead, smoothed, rows, gradients, columns, fours, out,
+                  first, last):
+    """Running sums down the columns, sums of neighbours along the row."""
     height, width = image.shape
     radius = window_size // 2
     slots = len(gradients) - 1
-    slot_of = np.arange(height) % slots
     zeros = slots   # the last row of gradients stays zero: what the first windows have nothing to subtract from
-    columns, windows = sums[0], sums[1]
-    step = _at_once(stride)
-    largest = np.full(width, -np.inf, np.float32)
+    largest = np.full(LANES, -np.inf, np.float32)
     done = begin = max(0, first - radius)
     for y in range(first, last):
         while done <= min(height - 1, y + radius):
-            _gradients(image, done, done == begin, taps, smoothed, sobel, gradients, slot_of[done])
+            above, here, below = _next_gradient_rows(image, done, done == begin, taps, smoothed, rows)
+            at = done % slots * 2 * gradients.shape[2]
+            for i in range(0, width, LANES):
+                x_gradient, y_gradient = _gradient(rows, above, here, below, i)
+                store(gradients, at + i, x_gradient)
+                store(gradients, at + gradients.shape[2] + i, y_gradient)
             done += 1
         if y == first:
             for j in range(-radius, radius + 1):
-                _slide(columns, lead, stride, gradients, slot_of[_reflect(y + j, height)], zeros, width)
+                _slide(columns, lead, gradients, _reflect(y + j, height) % slots, zeros, width)
         else:
-            _slide(columns, lead, stride, gradients, slot_of[_reflect(y + radius, height)],
-                   slot_of[_reflect(y - 1 - radius, height)], width)
-        _reflect_ends(columns, lead, stride, radius, width)
-        for start in range(0, 3 * stride, step):
-            _sum_neighbours(columns, start + lead - radius, window_size, step - stride + width, sums[2], sums[3],
-                            windows, start)
-        _combine(windows, stride, harris_k, 1.0 / window_size ** 4, out, y, largest)
+            _slide(columns, lead, gradients, _reflect(y + radius, height) % slots,
+                   _reflect(y - 1 - radius, height) % slots, width)
+        for part in range(3):
+            _reflect_ends(columns[part], lead, width, radius)
+        _box_row(columns, fours, lead - radius, window_size, harris_k, out, y, largest)
     return largest.max()
 
 
 @_kernel
-def _slide(columns, lead, stride, gradients, new, old, width):
+def _slide(columns, lead, gradients, new, old, width):
     """Move the windows down by one row: the products of the new row come in, those of the old one go."""
-    n = np.uint64(width)
-    kind = columns.dtype.type
-    for part in range(2):
-        at = np.uint64(lead + 2 * part * stride)
-        for i in range(n):
-            more, less = gradients[new, part, i], gradients[old, part, i]
-            columns[at + i] += kind(more - less) * kind(more + less)
-    at = np.uint64(lead + stride)
-    for i in range(n):
-        columns[at + i] += (kind(gradients[new, 0, i]) * kind(gradients[new, 1, i])
-                            - kind(gradients[old, 0, i]) * kind(gradients[old, 1, i]))
+    length, stride = gradients.shape[2], columns.shape[1]
+    new, old = new * 2 * length, old * 2 * length
+    for i in range(0, width, LANES):
+        x_new, y_new = widened(load(gradients, new + i)), widened(load(gradients, new + length + i))
+        x_old, y_old = widened(load(gradients, old + i)), widened(load(gradients, old + length + i))
+        a, b, c = lead + i, lead + stride + i, lead + 2 * stride + i
+        store(columns, a, load(columns, a) + (x_new - x_old) * (x_new + x_old))
+        store(columns, b, load(columns, b) + (x_new * y_new - x_old * y_old))
+        store(columns, c, load(columns, c) + (y_new - y_old) * (y_new + y_old))
 
 
 @_kernel
-def _reflect_ends(rows, lead, stride, radius, width):
-    for start in range(lead, lead + 3 * stride, stride):
-        for j in range(1, radius + 1):
-            rows[start - j] = rows[start + _reflect(j, width)]
-            rows[start + width - 1 + j] = rows[start + _reflect(width - 1 + j, width)]
+def _box_row(columns, fours, start, size, harris_k, out, y, largest):
+    """One row of the response from the sums down the columns; the first window begins at `start`.
 
-
-@_kernel
-def _sum_neighbours(values, start, size, count, fours, sixteens, out, to):
-    """out[to + i] = sum of values[start + i : start + i + size], for i up to count; size is odd, from 3 to 45.
-
-    A running sum waits for the sum before it; this adds vectors. Every odd size is 4 q + 1 or 4 q - 1: sums of four
-    and of sixteen neighbours, and one more or one less.
+    A large window is a sum of sums of four neighbours, and one more or less: every odd size is 4 q + 1 or 4 q - 1.
     """
-    n = np.uint64(count)
-    at, to = np.uint64(start), np.uint64(to)
-    kind = values.dtype.type
-    one, two, three, four = np.uint64(1), np.uint64(2), np.uint64(3), np.uint64(4)
-    eight, twelve, sixteen = np.uint64(8), np.uint64(12), np.uint64(16)
-    if size == 3:
-        for i in range(n):
-            j = at + i
-            out[to + i] = kind(values[j] + values[j + one]) + values[j + two]
-        return
-    if size == 5:
-        for i in range(n):
-            j = at + i
-            out[to + i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
-                      + values[j + four])
-        return
-
-    if size == 7:
-        for i in range(n):
-            j = at + i
-            out[to + i] = (kind(kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three]))
-                      + kind(kind(values[j + four] + values[j + four + one]) + values[j + four + two]))
-        return
-
-    quads = (size + 1) // 4
-    for i in range(n + np.uint64(size)):
-        j = at + i
-        fours[i] = kind(values[j] + values[j + one]) + kind(values[j + two] + values[j + three])
-    one_more = size > 4 * quads
-    at += np.uint64(size - 1 if one_more else size)
-    if quads <= 4:
-        if quads == 2:
-            for i in range(n):
-                out[to + i] = fours[i] + fours[i + four]
-        elif quads == 3:
-            for i in range(n):
-                out[to + i] = kind(fours[i] + fours[i + four]) + fours[i + eight]
-        else:
-            for i in range(n):
-                out[to + i] = kind(fours[i] + fours[i + four]) + kind(fours[i + eight] + fours[i + twelve])
-    else:
-        for i in range(n + sixteen):
-            sixteens[i] = kind(fours[i] + fours[i + four]) + kind(fours[i + eight] + fours[i + twelve])
-        reached = sixteen
-        if quads < 8:
-            for i in range(n):
-                out[to + i] = sixteens[i]
-        else:
-            for i in range(n):
-                out[to + i] = sixteens[i] + sixteens[i + sixteen]
-            reached += sixteen
-        if quads % 4 == 1:
-            for i in range(n):
-                out[to + i] += fours[i + reached]
-        elif quads % 4 == 2:
-            for i in range(n):
-                out[to + i] += kind(fours[i + reached] + fours[i + reached + four])
-        elif quads % 4 == 3:
-            for i in range(n):
-                out[to + i] += kind(kind(fours[i + reached] + fours[i + reached + four]) + fours[i + reached + eight])
-    if one_more:
-        for i in range(n):
-            out[to + i] += values[at + i]
-    else:
-        for i in range(n):
-            out[to + i] -= values[at + i]
-
-
-@_kernel(fastmath={'contract'})
-def _combine(windows, stride, harris_k, scale, out, y, largest):
-    """H = A C - B^2 - k (A + C)^2 of one row, and the largest value seen in each column."""
-    n = np.uint64(len(largest))
-    at_b, at_c = np.uint64(stride), np.uint64(2 * stride)
-    for i in range(n):
-        a, b, c = np.float64(windows[i]), np.float64(windows[at_b + i]), np.float64(windows[at_c + i])
-        trace = a + c
-        out[y, i] = (a * c - b * b - harris_k * (trace * trace)) * scale
-    for i in range(n):
-        largest[i] = out[y, i] if out[y, i] > largest[i] else largest[i]
+    width, stride = out.shape[1], columns.shape[1]
+    terms, distance, count = columns, 1, size
+    if size > 7:
+        for part in range(3):
+            for i in range(part * stride + start, part * stride + start + width + size, LANES):
+                pair, next_pair = load(columns, i) + load(columns, i + 1), load(columns, i + 2) + load(columns, i + 3)
+                store(fours, i, pair + next_pair)
+        terms, distance, count = fours, 4, (size + 1) // 4
+    harris_k, scale = splat(harris_k), splat(1.0 / size ** 4)
+    most = load(largest, 0)
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        at = start + i
+        a, b, c = load(terms, at), load(terms, at + stride), load(terms, at + 2 * stride)
+        for _ in range(1, count):
+            at += distance
+            a += load(terms, at)
+            b += load(terms, at + stride)
+            c += load(terms, at + 2 * stride)
+        at = start + i + distance * count
+        if distance * count < size:
+            a += load(columns, at)
+            b += load(columns, at + stride)
+            c += load(columns, at + 2 * stride)
+        elif distance * count > size:
+            a -= load(columns, at - 1)
+            b -= load(columns, at - 1 + stride)
+            c -= load(columns, at - 1 + 2 * stride)
+        # In double precision, for of whole numbers A C - B^2 cancels exactly along an edge.
+        response = to_float32(_harris(to_float64(a), to_float64(b), to_float64(c), harris_k) * scale)
+        store(out, y * width + i, response)
+        most = maximum(response, most)
+    store(largest, 0, most)
 
 
 @_kernel
-def _gaussian_response(image, taps, weights, harris_k, lead, stride, smoothed, sobel, gradients, products, sums, out,
-                       first, last):
-    """The same with weighted sums; products of the rows a window covers are kept in turn."""
+def _gaussian_response(image, taps, weights, harris_k, lead, smoothed, rows, products, columns, out, first, last):
+    """The same with weighted sums, two rows at a time, for then each row of products is read half as often."""
     height, width = image.shape
-    radius = len(weights) - 1
-    slot_of = np.arange(height) % len(products)
-    columns, windows = sums[0], sums[1]
-    step = _at_once(stride)
-    largest = np.full(width, -np.inf, np.float32)
-    slot = np.empty(2 * radius + 1, np.int64)
+    size = len(weights) - 2
+    radius = size // 2
+    slots, length = len(products), products.shape[2]
+    offsets = np.empty(size + 1, np.int64)
+    largest = np.full(LANES, -np.inf, np.float32)
     done = begin = max(0, first - radius)
-    for y in range(first, last):
-        while done <= min(height - 1, y + radius):
-            _gradients(image, done, done == begin, taps, smoothed, sobel, gradients, 0)
-            _multiply(gradients, width, stride, products, slot_of[done])
+    for y in range(first, last, 2):
+        while done <= min(height - 1, y + 1 + radius):
+            above, here, below = _next_gradient_rows(image, done, done == begin, taps, smoothed, rows)
+            at = done % slots * 3 * length
+            for i in range(0, width, LANES):
+                x_gradient, y_gradient = _gradient(rows, above, here, below, i)
+                x_gradient, y_gradient = to_float32(x_gradient), to_float32(y_gradient)
+                store(products, at + i, x_gradient * x_gradient)
+                store(products, at + length + i, x_gradient * y_gradient)
+                store(products, at + 2 * length + i, y_gradient * y_gradient)
             done += 1
-        for j in range(2 * radius + 1):
-            slot[j] = slot_of[_reflect(y + j - radius, height)]
-        for start in range(0, 3 * stride, step):
-            _weigh_rows(products, slot, start, weights, step - stride + width, columns, start + lead)
-        _reflect_ends(columns, lead, stride, radius, width)
-        for start in range(0, 3 * stride, step):
-            _weigh_neighbours(columns, start + lead, weights, step - stride + width, windows, start)
-        _combine(windows, stride, harris_k, 1.0, out, y, largest)
+        for j in range(size + 1):
+            offsets[j] = _reflect(y - radius + j, height) % slots * 3 * length
+        for part in range(3):
+            _weigh_rows(products, offsets, part * length, weights, width, columns, part * length + lead)
+        for row in range(min(2, last - y)):
+            for part in range(3):
+                _reflect_ends(columns[row, part], lead, width, radius)
+            _gaussian_row(columns, row * 3 * length + lead - radius, weights, harris_k, out, y + row, largest)
     return largest.max()
 
 
 @_kernel
-def _multiply(gradients, width, stride, products, slot):
-    n = np.uint64(width)
-    at_b, at_c = np.uint64(stride), np.uint64(2 * stride)
-    for i in range(n):
-        products[slot, i] = np.float32(gradients[0, 0, i]) * np.float32(gradients[0, 0, i])
-    for i in range(n):
-        products[slot, at_b + i] = np.float32(gradients[0, 0, i]) * np.float32(gradients[0, 1, i])
-    for i in range(n):
-        products[slot, at_c + i] = np.float32(gradients[0, 1, i]) * np.float32(gradients[0, 1, i])
+def _weigh_rows(products, offsets, start, weights, width, columns, to):
+    """Weighted sums down the columns, for one row and for the next, which begins one row of products later."""
+    next_row = 3 * columns.shape[2]
+    zero = splat(np.float32(0))
+    for i in range(0, width, 2 * LANES):
+        left, right, next_left, next_right = zero, zero, zero, zero
+        for j in range(len(offsets)):
+            at = offsets[j] + start + i
+            here, there = load(products, at), load(products, at + LANES)
+            weight, next_weight = splat(weights[j + 1]), splat(weights[j])
+            left += weight * here
+            right += weight * there
+            next_left += next_weight * here
+            next_right += next_weight * there
+        store(columns, to + i, left)
+        store(columns, to + i + LANES, right)
+        store(columns, to + i + next_row, next_left)
+        store(columns, to + i + next_row + LANES, next_right)
 
 
-@_kernel(fastmath={'contract'})
-def _weigh_rows(rows, slot, start, weights, count, out, to):
-    """out[to + i] = sum over j of weights[|j|] rows[slot[radius + j], start + i]."""
-    n = np.uint64(count)
-    at, to = np.uint64(start), np.uint64(to)
-    r = len(weights) - 1
-    c, w0 = slot[r], weights[0]
-    kind = weights.dtype.type
-    first = r % 4
-    if first == 0:
-        for i in range(n):
-            out[to + i] = w0 * kind(rows[c, at + i])
-    else:
-        a1, b1, w1 = slot[r - 1], slot[r + 1], weights[1]
-        if first == 1:
-            for i in range(n):
-                out[to + i] = w0 * kind(rows[c, at + i]) + w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
-        else:
-            a2, b2, w2 = slot[r - 2], slot[r + 2], weights[2]
-            if first == 2:
-                for i in range(n):
-                    out[to + i] = (w0 * kind(rows[c, at + i]) + w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
-                                   + w2 * (kind(rows[a2, at + i]) + kind(rows[b2, at + i])))
-            else:
-                a3, b3, w3 = slot[r - 3], slot[r + 3], weights[3]
-                for i in range(n):
-                    out[to + i] = (w0 * kind(rows[c, at + i]) + w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
-                                   + w2 * (kind(rows[a2, at + i]) + kind(rows[b2, at + i]))
-                                   + w3 * (kind(rows[a3, at + i]) + kind(rows[b3, at + i])))
-    for j in range(first + 1, r + 1, 4):
-        a1, a2, a3, a4 = slot[r - j], slot[r - j - 1], slot[r - j - 2], slot[r - j - 3]
-        b1, b2, b3, b4 = slot[r + j], slot[r + j + 1], slot[r + j + 2], slot[r + j + 3]
-        w1, w2, w3, w4 = weights[j], weights[j + 1], weights[j + 2], weights[j + 3]
-        for i in range(n):
-            out[to + i] += ((w1 * (kind(rows[a1, at + i]) + kind(rows[b1, at + i]))
-                             + w2 * (kind(rows[a2, at + i]) + kind(rows[b2, at + i])))
-                            + (w3 * (kind(rows[a3, at + i]) + kind(rows[b3, at + i]))
-                               + w4 * (kind(rows[a4, at + i]) + kind(rows[b4, at + i]))))
-
-
-@_kernel(fastmath={'contract'})
-def _weigh_neighbours(values, start, weights, count, out, to):
-    """out[to + i] = sum over j of weights[|j|] values[start + i + j]."""
-    n = np.uint64(count)
-    r = len(weights) - 1
-    at, to = np.uint64(start), np.uint64(to)
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
-    w0 = weights[0]
-    first = r % 4
-    if first == 0:
-        for i in range(n):
-            out[to + i] = w0 * values[at + i]
-    elif first == 1:
-        w1 = weights[1]
-        for i in range(n):
-            j = at + i
-            out[to + i] = w0 * values[j] + w1 * (values[j - one] + values[j + one])
-    elif first == 2:
-        w1, w2 = weights[1], weights[2]
-        for i in range(n):
-            j = at + i
-            out[to + i] = (w0 * values[j] + w1 * (values[j - one] + values[j + one])
-                      + w2 * (values[j - two] + values[j + two]))
-    else:
-        w1, w2, w3 = weights[1], weights[2], weights[3]
-        for i in range(n):
-            j = at + i
-            out[to + i] = (w0 * values[j] + w1 * (values[j - one] + values[j + one])
-                      + w2 * (values[j - two] + values[j + two]) + w3 * (values[j - three] + values[j + three]))
-    for k in range(first + 1, r + 1, 4):
-        _add_four_pairs(values, start - k - 3, start + k, weights[k:k + 4], count, out, to)
-
-
-@_kernel(fastmath={'contract'})
-def _add_four_pairs(values, left, right, weights, count, out, to):
-    # A function of its own: as an inner loop of the one above, newer LLVM does not vectorise it.
-    n = np.uint64(count)
-    left, right, to = np.uint64(left), np.uint64(right), np.uint64(to)
-    one, two, three = np.uint64(1), np.uint64(2), np.uint64(3)
-    w1, w2, w3, w4 = weights[0], weights[1], weights[2], weights[3]
-    for i in range(n):
-        a, b = left + i, right + i
-        out[to + i] += ((w1 * (values[a + three] + values[b]) + w2 * (values[a + two] + values[b + one]))
-                   + (w3 * (values[a + one] + values[b + two]) + w4 * (values[a] + values[b + three])))
+@_kernel
+def _gaussian_row(columns, start, weights, harris_k, out, y, largest):
+    """One row of the response from the weighted sums down the columns; the first window begins at `start`."""
+    width, stride = out.shape[1], columns.shape[2]
+    harris_k = splat(harris_k)
+    most = load(largest, 0)
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        a = b = c = splat(np.float32(0))
+        for j in range(len(weights) - 2):
+            weight, at = splat(weights[j + 1]), start + i + j
+            a += weight * load(columns, at)
+            b += weight * load(columns, at + stride)
+            c += weight * load(columns, at + 2 * stride)
+        response = _harris(a, b, c, harris_k)
+        store(out, y * width + i, response)
+        most = maximum(response, most)
+    store(largest, 0, most)
 
 
 # ---- Local maxima, positions between the pixels, orientation ----
@@ -540,42 +466,41 @@ def _local_maxima(response, minimum, first, last):
     height, width = response.shape
     capacity = ((last - first + 1) // 2) * ((width + 1) // 2) + 8   # of two neighbours only one is a maximum
     found_x, found_y = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    words = np.zeros(width // 8 + 1, np.uint64)
-    flags = words.view(np.uint8)
-    minimum = np.float32(minimum)
+    least = splat(np.float32(minimum))
     outside = np.full(width, -np.inf, np.float32)
+    ends = width if width < LEAST_WIDTH else 1   # how many pixels are looked at one by one
     count = 0
     for y in range(first, last):
+        row = response[y]
         above = response[y - 1] if y > 0 else outside
         below = response[y + 1] if y < height - 1 else outside
-        _flag_maxima(response[y], above, below, minimum, flags)
-        flags[0] = _is_maximum(response, 0, y, minimum)
-        flags[width - 1] = _is_maximum(response, width - 1, y, minimum)
         start = count
-        for word in range(len(words)):
-            if words[word] != 0:
-                # Each is written, and stays if it is one: a branch would be guessed wrongly at every maximum.
-                for x in range(8 * word, 8 * word + 8):
-                    found_x[count] = x
-                    count += flags[x]
+        for x in range(ends):
+            found_x[count] = x
+            count += _is_maximum(response, x, y, minimum)
+        if ends == width:
+            found_y[start:count] = y
+            continue
+        for x in range(1, width - 1, LANES):
+            at = min(x, width - 1 - LANES)
+            value = load(row, at)
+            bits = where_greater(value, least)
+            if bits == 0:
+                continue
+            before = maximum(maximum(load(row, at - 1), load(above, at - 1)),
+                             maximum(load(above, at), load(above, at + 1)))
+            after = maximum(maximum(load(row, at + 1), load(below, at - 1)),
+                            maximum(load(below, at), load(below, at + 1)))
+            bits &= where_greater(value, before) & where_not_less(value, after)
+            bits &= -1 << (x - at)   # the others have been looked at
+            while bits != 0:
+                found_x[count] = at + lowest_bit(bits)
+                count += 1
+                bits &= bits - 1
+        found_x[count] = width - 1
+        count += _is_maximum(response, width - 1, y, minimum)
         found_y[start:count] = y
     return found_x[:count].copy(), found_y[:count].copy()
-
-
-@_kernel
-def _flag_maxima(row, above, below, minimum, flags):
-    """1 at the maxima of a row but for its two ends, else 0."""
-    one, two = np.uint64(1), np.uint64(2)
-    for i in range(np.uint64(max(len(row) - 2, 0))):
-        value = row[i + one]
-        before = row[i] if row[i] > minimum else minimum
-        before = above[i] if above[i] > before else before
-        before = above[i + one] if above[i + one] > before else before
-        before = above[i + two] if above[i + two] > before else before
-        after = below[i] if below[i] > row[i + two] else row[i + two]
-        after = below[i + one] if below[i + one] > after else after
-        after = below[i + two] if below[i + two] > after else after
-        flags[i + one] = 1 if (value > before) & (value >= after) else 0
 
 
 @_kernel
@@ -627,57 +552,68 @@ def _smoothed_gradients(image, x, y, sigma):
     height, width = image.shape
     radius = int(np.ceil(3 * sigma))
     side = 2 * radius + 1
-    n = np.uint64(side)
-    gradient_x, gradient_y = np.zeros(len(x), np.float64), np.zeros(len(x), np.float64)
-    weights_x, slopes_x, weights_y, slopes_y = np.empty((4, side), np.float64)
-    weighed, sloped = np.empty(side, np.float64), np.empty(side, np.float64)
-    spread = np.exp(-1 / sigma ** 2) if sigma > 0.5 else 0.0
+    length = (side + LANES - 1) // LANES * LANES
+    bell = np.exp(-np.arange(radius + 1) ** 2 / (2 * sigma ** 2))
+    weights_x, slopes_x, weights_y, slopes_y = np.zeros((4, length), np.float64)
+    patch = np.zeros(side * length, image.dtype)
+    gradient_x, gradient_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
     for i in range(len(x)):
-        left, top = np.int64(np.rint(x[i])) - radius, np.int64(np.rint(y[i])) - radius
-        _gaussian_and_slope(left - x[i], sigma, spread, weights_x, slopes_x)
-        _gaussian_and_slope(top - y[i], sigma, spread, weights_y, slopes_y)
+        middle_x, middle_y = np.int64(np.rint(x[i])), np.int64(np.rint(y[i]))
+        left, top = middle_x - radius, middle_y - radius
+        _gaussian_and_slope(x[i] - middle_x, sigma, bell, weights_x, slopes_x)
+        _gaussian_and_slope(y[i] - middle_y, sigma, bell, weights_y, slopes_y)
         # Seen from the value in the middle, a flat patch is zero, and its gradient is so exactly.
-        middle = np.float64(image[top + radius, left + radius])
-        inside = left >= 0 and left + side <= width
-        weighed[:] = 0
-        sloped[:] = 0
-        for row in range(side):
-            v = _reflect(top + row, height)
-            weight, slope = weights_y[row], slopes_y[row]
-            if inside:
-                for column in range(n):
-                    value = np.float64(image[v, np.uint64(left) + column]) - middle
-                    weighed[column] += weight * value
-                    sloped[column] += slope * value
-            else:
+        middle = np.float64(image[middle_y, middle_x])
+        if left >= 0 and left + length <= width and top >= 0 and top + side <= height:
+            gradient_x[i], gradient_y[i] = _weighed_patch(image, top * width + left, width, middle, side, weights_x,
+                                                          slopes_x, weights_y, slopes_y)
+        else:
+            for row in range(side):
                 for column in range(side):
-                    value = np.float64(image[v, _reflect(left + column, width)]) - middle
-                    weighed[column] += weight * value
-                    sloped[column] += slope * value
-        for column in range(n):
-            gradient_x[i] += slopes_x[column] * weighed[column]
-            gradient_y[i] += weights_x[column] * sloped[column]
+                    patch[row * length + column] = image[_reflect(top + row, height), _reflect(left + column, width)]
+            gradient_x[i], gradient_y[i] = _weighed_patch(patch, 0, length, middle, side, weights_x, slopes_x,
+                                                          weights_y, slopes_y)
     return gradient_x, gradient_y
 
 
 @_kernel
-def _gaussian_and_slope(start, sigma, spread, weights, slopes):
-    """Gaussian at start, start + 1, ..., and its derivative, up to a common factor, with no response to flat areas."""
-    total, tilt = 0.0, 0.0
-    weight = np.exp(-start ** 2 / (2 * sigma ** 2))
-    ratio = np.exp(-(2 * start + 1) / (2 * sigma ** 2))   # of the second to the first; the next is `spread` times that
-    for i in range(len(weights)):
-        distance = start + i
-        if spread == 0:   # so narrow that the ratios leave the range of numbers
-            weight = np.exp(-distance ** 2 / (2 * sigma ** 2))
-        weights[i] = weight
-        slopes[i] = distance * weight
-        total += weight
+def _gaussian_and_slope(offset, sigma, bell, weights, slopes):
+    """Gaussian round `offset`, and its derivative, up to a common factor, with no response to flat areas.
+
+    The first weight is that of pixel -radius; what follows the last one stays 0. `bell` is half a Gaussian round 0.
+    """
+    radius = len(bell) - 1
+    right = left = np.exp(-offset ** 2 / (2 * sigma ** 2))
+    weights[radius] = right
+    to_right, to_left = np.exp(offset / sigma ** 2), np.exp(-offset / sigma ** 2)
+    for k in range(1, radius + 1):
+        right *= to_right
+        left *= to_left
+        weights[radius + k], weights[radius - k] = right * bell[k], left * bell[k]
+    weight, tilt = 0.0, 0.0
+    for i in range(2 * radius + 1):
+        slopes[i] = (i - radius - offset) * weights[i]
+        weight += weights[i]
         tilt += slopes[i]
-        weight *= ratio
-        ratio *= spread
-    for i in range(len(weights)):
-        slopes[i] -= weights[i] * (tilt / total)
+    tilt /= weight
+    for i in range(2 * radius + 1):
+        slopes[i] -= weights[i] * tilt
+
+
+@_kernel
+def _weighed_patch(values, start, stride, middle, side, weights_x, slopes_x, weights_y, slopes_y):
+    """Sum of a patch times slopes in x and weights in y, and the other way round."""
+    zero, middle = splat(0.0), splat(middle)
+    gradient_x, gradient_y = zero, zero
+    for i in range(0, len(weights_x), LANES):
+        weighed, sloped = zero, zero
+        for row in range(side):
+            value = to_float64(load(values, start + row * stride + i)) - middle
+            weighed += splat(weights_y[row]) * value
+            sloped += splat(slopes_y[row]) * value
+        gradient_x += load(slopes_x, i) * weighed
+        gradient_y += load(weights_x, i) * sloped
+    return sum_of(gradient_x), sum_of(gradient_y)
 
 
 # ---- Sorting ----

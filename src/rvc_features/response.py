@@ -116,8 +116,8 @@ def gaussian_window_sigma(window_size: int) -> float:
 def _fits_kernel(image: np.ndarray, window_size: int) -> bool:
     # Single precision is too little beside the largest |H| where H may nearly cancel at every pixel: in tiny images,
     # and where the window is as large as the image.
-    return (image.size >= _LEAST_PIXELS and window_size <= min(kernels.LARGEST_BOX, *image.shape)
-            and kernels.available())
+    return (image.size >= _LEAST_PIXELS and image.shape[1] >= kernels.LEAST_WIDTH
+            and window_size <= min(kernels.LARGEST_BOX, *image.shape) and kernels.available())
 
 
 _LEAST_PIXELS = 1024

@@ -22,7 +22,7 @@ compiled = pytest.mark.skipif(not kernels.available(), reason='Numba is not inst
 
 random = np.random.default_rng(0)
 ALL_WINDOWS = range(3, 33, 2)
-SHAPES = [(1, 1), (1, 50), (50, 1), (2, 3), (5, 4), (33, 31), (40, 200)]
+SHAPES = [(1, 50), (2, 18), (5, 19), (33, 31), (40, 200)]
 
 
 def images(shape):
@@ -80,6 +80,12 @@ def test_bands_of_rows_make_no_difference(in_bands, window, derivative_sigma):
 
 
 @compiled
+def test_too_narrow_for_the_kernel_is_an_error():
+    with pytest.raises(ValueError, match='at least 18 pixels wide; got 17'):
+        kernels.response(np.zeros((100, 17), np.uint8), 3, 'box', 0.04)
+
+
+@compiled
 @pytest.mark.skipif(not hasattr(os, 'fork'), reason='no fork on this system')
 def test_a_forked_process_has_threads_of_its_own(in_bands):
     image = texture((90, 120))
@@ -98,7 +104,8 @@ def test_widest_boxes_of_the_kernel_do_not_overflow(window_size):
 
 
 @pytest.mark.parametrize('window', ['box', 'gaussian'])
-@pytest.mark.parametrize(('shape', 'window_size'), [((70, 90), 61), ((17, 93), 63), ((17, 93), 31), ((400, 15), 17)])
+@pytest.mark.parametrize(('shape', 'window_size'),
+                         [((70, 90), 61), ((17, 93), 63), ((17, 93), 31), ((400, 15), 17), ((400, 17), 5)])
 def test_windows_beyond_the_kernel(shape, window_size, window):
     ramp = (np.indices(shape) * [[[2]], [[3]]]).sum(axis=0).astype(np.uint8)   # H nearly cancels in most of it
     for image in (texture(shape), ramp):

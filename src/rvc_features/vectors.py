@@ -1,0 +1,187 @@
+"""A vector of sixteen numbers for Numba: what a processor works on at once, written like one number.
+
+    for i in range(0, len(a), LANES):
+        store(out, i, load(a, i) * splat(np.float32(2)) + load(b, i))
+
+Loops over single numbers become vectors only where the compiler finds a proof that they may, and how hard it looks
+differs between versions; a loop over these is what it says everywhere. Sixteen numbers are one register or several,
+according to the processor and their type: LLVM splits them as needed.
+
+Indices count elements from the beginning of a contiguous array of any number of dimensions. Nothing checks them.
+
+Numba's cache does not see that this file has changed: whoever changes it touches kernels.py too.
+"""
+
+from __future__ import annotations
+
+import operator
+from typing import Any, Callable
+
+from llvmlite import ir
+from numba import extending, types
+from numba.extending import models, overload, register_model
+
+LANES = 16
+
+intrinsic: Any = extending.intrinsic   # calls leave out the first argument, which type checkers miss
+
+
+class Vector(types.Type):
+    """Numba's type of a vector; `dtype` is that of its numbers."""
+
+    def __init__(self, dtype: Any) -> None:
+        super().__init__(f'Vector({dtype})')
+        self.dtype = dtype
+
+
+@register_model(Vector)
+class _VectorModel(models.PrimitiveModel):
+    def __init__(self, dmm: Any, fe_type: Any) -> None:
+        super().__init__(dmm, fe_type, ir.VectorType(dmm.lookup(fe_type.dtype).get_data_type(), LANES))
+
+
+# ---- Memory ----
+
+def _pointer(context: Any, builder: Any, array_type: Any, vector_type: Any, array: Any, index: Any) -> Any:
+    data = context.make_array(array_type)(context, builder, array).data
+    return builder.bitcast(builder.gep(data, [index]), vector_type.as_pointer())
+
+
+@intrinsic
+def load(typing_context, array, index):
+    """array[index : index + LANES] of a contiguous array, as if it had one dimension."""
+    def emit(context, builder, signature, arguments):
+        vector_type = context.get_value_type(signature.return_type)
+        pointer = _pointer(context, builder, array, vector_type, *arguments)
+        return builder.load(pointer, align=array.dtype.bitwidth // 8)
+    return Vector(array.dtype)(array, index), emit
+
+
+@intrinsic
+def store(typing_context, array, index, vector):
+    """array[index : index + LANES] = vector, of the same type."""
+    if vector != Vector(array.dtype):
+        return None
+
+    def emit(context, builder, signature, arguments):
+        *place, value = arguments
+        pointer = _pointer(context, builder, array, value.type, *place)
+        builder.store(value, pointer, align=array.dtype.bitwidth // 8)
+        return context.get_dummy_value()
+    return types.void(array, index, vector), emit
+
+
+@intrinsic
+def splat(typing_context, number):
+    """A vector of one number, of that number's type."""
+    def emit(context, builder, signature, arguments):
+        undefined = ir.Constant(context.get_value_type(signature.return_type), ir.Undefined)
+        int32 = ir.IntType(32)
+        first = builder.insert_element(undefined, arguments[0], int32(0))
+        return builder.shuffle_vector(first, undefined, ir.Constant(ir.VectorType(int32, LANES), [int32(0)] * LANES))
+    return Vector(number)(number), emit
+
+
+# ---- Types ----
+
+def _converted(builder: Any, value: Any, source: Any, target: Any, vector_type: Any) -> Any:
+    if source == target:
+        return value
+    if isinstance(source, types.Float):
+        return (builder.fpext if target.bitwidth > source.bitwidth else builder.fptrunc)(value, vector_type)
+    if isinstance(target, types.Float):
+        return (builder.sitofp if source.signed else builder.uitofp)(value, vector_type)
+    return (builder.sext if source.signed else builder.zext)(value, vector_type)
+
+
+def _conversion(targets: dict[Any, Any]) -> Any:
+    """An intrinsic that converts a vector of any of the types that `targets` lists into that it stands for."""
+    @intrinsic
+    def convert(typing_context, vector):
+        if vector.dtype not in targets:
+            return None
+        target = targets[vector.dtype]
+
+        def emit(context, builder, signature, arguments):
+            vector_type = context.get_value_type(signature.return_type)
+            return _converted(builder, arguments[0], vector.dtype, target, vector_type)
+        return Vector(target)(vector), emit
+    return convert
+
+
+_numbers = (types.uint8, types.int16, types.int32, types.float32, types.float64)
+to_float32 = _conversion(dict.fromkeys(_numbers, types.float32))
+to_float64 = _conversion(dict.fromkeys(_numbers, types.float64))
+#: Into the type that holds sums of a few such numbers, or products of two int16, without loss.
+widened = _conversion({types.uint8: types.int16, types.int16: types.int32, types.float32: types.float64,
+                       types.float64: types.float64})
+
+
+# ---- Arithmetic ----
+
+def _arithmetic(of_floats: str, of_integers: str, *symbols: Callable[[Any, Any], Any]) -> None:
+    """Let Numba apply binary operators to two vectors of the same type; a sum of a product may be rounded once."""
+    @intrinsic
+    def apply(typing_context, a, b):
+        def emit(context, builder, signature, arguments):
+            if isinstance(a.dtype, types.Float):
+                return getattr(builder, of_floats)(*arguments, flags=('contract',))
+            return getattr(builder, of_integers)(*arguments)
+        return a(a, b), emit
+
+    def implementation(a, b):
+        return (lambda a, b: apply(a, b)) if isinstance(a, Vector) and a == b else None
+
+    for symbol in symbols:
+        overload(symbol)(implementation)
+
+
+_arithmetic('fadd', 'add', operator.add, operator.iadd)
+_arithmetic('fsub', 'sub', operator.sub, operator.isub)
+_arithmetic('fmul', 'mul', operator.mul, operator.imul)
+
+
+@intrinsic
+def maximum(typing_context, a, b):
+    """The greater number in each place, of two vectors of floats; b where a is NaN."""
+    def emit(context, builder, signature, arguments):
+        return builder.select(builder.fcmp_ordered('>', *arguments), *arguments)
+    return a(a, b), emit
+
+
+@intrinsic
+def sum_of(typing_context, vector):
+    """Sum of the numbers of a vector of floats."""
+    def emit(context, builder, signature, arguments):
+        value, lanes = arguments[0], LANES
+        while lanes > 1:   # the lower half and the upper half
+            lanes //= 2
+            halves = [ir.Constant(ir.VectorType(ir.IntType(32), lanes), [ir.IntType(32)(first + i)
+                                                                         for i in range(lanes)])
+                      for first in (0, lanes)]
+            value = builder.fadd(*(builder.shuffle_vector(value, value, half) for half in halves))
+        return builder.extract_element(value, ir.IntType(32)(0))
+    return vector.dtype(vector), emit
+
+
+def _comparison(symbol: str) -> Any:
+    """An intrinsic that says in the bits of an integer, lowest first, where that holds between vectors of floats."""
+    @intrinsic
+    def compare(typing_context, a, b):
+        def emit(context, builder, signature, arguments):
+            lanes = builder.fcmp_ordered(symbol, *arguments)
+            return builder.zext(builder.bitcast(lanes, ir.IntType(LANES)), ir.IntType(64))
+        return types.int64(a, b), emit
+    return compare
+
+
+where_greater = _comparison('>')
+where_not_less = _comparison('>=')
+
+
+@intrinsic
+def lowest_bit(typing_context, bits):
+    """Number of the lowest bit that is set in an int64 that is not zero."""
+    def emit(context, builder, signature, arguments):
+        return builder.cttz(arguments[0], ir.IntType(1)(1))
+    return types.int64(types.int64), emit

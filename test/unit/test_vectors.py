@@ -1,0 +1,99 @@
+"""Vectors of sixteen numbers against NumPy, which does the same to arrays of that length."""
+
+import numpy as np
+import pytest
+
+numba = pytest.importorskip('numba')
+from rvc_features import vectors  # noqa: E402
+from rvc_features.vectors import LANES, load, splat, store  # noqa: E402
+
+random = np.random.default_rng(0)
+TYPES = [np.uint8, np.int16, np.int32, np.float32, np.float64]
+FLOATS = [np.float32, np.float64]
+
+
+def numbers(dtype, count=LANES):
+    return random.integers(0, 200, count).astype(dtype)
+
+
+def applied(function, result_type, *operands):
+    """What a function of vectors gives for arrays of LANES numbers."""
+    out = np.zeros(LANES, result_type)
+    if len(operands) == 1:
+        @numba.njit
+        def run(a, out):
+            store(out, 0, function(load(a, 0)))
+    else:
+        @numba.njit
+        def run(a, b, out):
+            store(out, 0, function(load(a, 0), load(b, 0)))
+    run(*operands, out)
+    return out
+
+
+@pytest.mark.parametrize('dtype', TYPES)
+def test_load_and_store_take_and_leave_what_is_there(dtype):
+    @numba.njit
+    def copy(source, start, target, to):
+        store(target, to, load(source, start))
+
+    source, target = numbers(dtype, 64).reshape(4, 16), np.zeros((4, 16), dtype)
+    copy(source, 21, target, 7)   # from and to the middle of a row, and across its end
+    expected = np.zeros(64, dtype)
+    expected[7:23] = source.ravel()[21:37]
+    assert np.array_equal(target.ravel(), expected)
+
+
+@pytest.mark.parametrize('dtype', TYPES)
+def test_splat(dtype):
+    @numba.njit
+    def fill(number, out):
+        store(out, 0, splat(number))
+
+    out = np.zeros(LANES, dtype)
+    fill(dtype(7), out)
+    assert np.array_equal(out, np.full(LANES, 7, dtype))
+
+
+@pytest.mark.parametrize('dtype', TYPES[1:])
+@pytest.mark.parametrize('operation', [lambda a, b: a + b, lambda a, b: a - b, lambda a, b: a * b])
+def test_arithmetic(operation, dtype):
+    a, b = numbers(dtype), numbers(dtype)
+    assert np.array_equal(applied(numba.njit(operation), dtype, a, b), operation(a, b))
+
+
+def test_operands_of_different_types_are_an_error():
+    with pytest.raises(numba.TypingError):
+        applied(numba.njit(lambda a, b: a + b), np.float32, numbers(np.float32), numbers(np.int32))
+
+
+@pytest.mark.parametrize('dtype', TYPES)
+def test_conversions(dtype):
+    a = numbers(dtype) if dtype == np.uint8 else -numbers(dtype)
+    for convert, target in ((vectors.to_float32, np.float32), (vectors.to_float64, np.float64)):
+        assert np.array_equal(applied(convert, target, a), a.astype(target))
+    if dtype != np.int32:
+        target = {np.uint8: np.int16, np.int16: np.int32}.get(dtype, np.float64)
+        assert np.array_equal(applied(vectors.widened, target, a), a.astype(target))
+
+
+@pytest.mark.parametrize('dtype', FLOATS)
+def test_comparisons_and_maximum(dtype):
+    a, b = numbers(dtype), numbers(dtype)
+    a[3], b[5], a[7] = np.nan, np.nan, b[7]
+    bits = numba.njit(lambda a, b: (vectors.where_greater(load(a, 0), load(b, 0)),
+                                    vectors.where_not_less(load(a, 0), load(b, 0))))(a, b)
+    assert bits == tuple(sum(1 << int(i) for i in np.flatnonzero(where)) for where in (a > b, a >= b))
+    assert np.array_equal(applied(vectors.maximum, dtype, a, b), np.where(a > b, a, b), equal_nan=True)
+
+
+@pytest.mark.parametrize('dtype', FLOATS)
+def test_sum_of(dtype):
+    a = numbers(dtype)
+    assert numba.njit(lambda a: vectors.sum_of(load(a, 0)))(a) == a.sum()
+
+
+def test_lowest_bit():
+    lowest_bit = numba.njit(lambda bits: vectors.lowest_bit(bits))
+    assert [lowest_bit(1 << i) for i in range(63)] == list(range(63))
+    assert lowest_bit(0b101000) == 3
