@@ -7,6 +7,7 @@ import functools
 import cv2
 import numpy as np
 
+from rvc_features import kernels
 from rvc_features.key_points import KeyPoints, as_array
 
 # BGR, one per octave, starting over after the last; told apart also by people who see red and green alike.
@@ -44,32 +45,41 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
         here = points[(points['octave'] == octave) & (points['size'] == size)]   # small ones come on top of large ones
         colour = OCTAVE_COLOURS[octave % len(OCTAVE_COLOURS)]
         radius = max(size / 2, _LEAST_RADIUS)
-        x, y = here['x'][:, None], here['y'][:, None]
-        ring_x, ring_y = _ring(round(radius * 16))
-        _set_pixels(picture, np.rint(x) + ring_x, np.rint(y) + ring_y, colour)
+        x, y = here['x'].astype(np.float64), here['y'].astype(np.float64)
+        _set_pixels(picture, np.rint(x), np.rint(y), *_ring(round(radius * 16)), colour)
         with_ray = here['angle'] >= 0
-        angle, steps = np.radians(here['angle'][with_ray])[:, None], np.arange(np.ceil(radius))
-        _set_pixels(picture, np.rint(x[with_ray] + np.cos(angle) * steps), np.rint(y[with_ray] + np.sin(angle) * steps),
-                    colour)
+        angle, steps = np.radians(here['angle'][with_ray], dtype=np.float64)[:, None], np.arange(np.ceil(radius))
+        _set_pixels(picture, x[with_ray], y[with_ray], np.cos(angle) * steps, np.sin(angle) * steps, colour)
     return picture
 
 
 @functools.lru_cache(maxsize=256)
 def _ring(sixteenths: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels of a circle round (0, 0), x and y; the radius comes in sixteenths of a pixel."""
+    """Pixels of a circle round (0, 0), x and y, float64, shape (1, M); the radius comes in sixteenths of a pixel."""
     middle = sixteenths // 16 + 2
     canvas = np.zeros((2 * middle + 1, 2 * middle + 1), np.uint8)
     cv2.circle(canvas, (middle << 4, middle << 4), sixteenths, (1,), 1, cv2.LINE_8, 4)
     y, x = np.nonzero(canvas)
-    return (x - middle).astype(np.float32), (y - middle).astype(np.float32)
+    return (x - float(middle))[None], (y - float(middle))[None]
 
 
-def _set_pixels(picture: np.ndarray, x: np.ndarray, y: np.ndarray, colour: tuple[int, int, int]) -> None:
-    """All pixels at once: a call of OpenCV for each circle takes several times as long."""
+def _set_pixels(picture: np.ndarray, x: np.ndarray, y: np.ndarray, offsets_x: np.ndarray, offsets_y: np.ndarray,
+                colour: tuple[int, int, int]) -> None:
+    """Colour the pixels at offsets, shape (N, M) or (1, M), from each of N positions, where they are in the picture.
+
+    One call for all of them: a call of OpenCV for each circle takes several times as long.
+    """
+    paint = kernels.set_pixels if kernels.available() else reference_set_pixels
+    paint(picture, x, y, offsets_x, offsets_y, colour)
+
+
+def reference_set_pixels(picture: np.ndarray, x: np.ndarray, y: np.ndarray, offsets_x: np.ndarray,
+                         offsets_y: np.ndarray, colour: tuple[int, int, int]) -> None:
+    """`_set_pixels` with NumPy."""
     height, width = picture.shape[:2]
-    x, y = x.astype(np.intp), y.astype(np.intp)
+    x, y = np.rint(x[:, None] + offsets_x), np.rint(y[:, None] + offsets_y)
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
-    picture.reshape(-1, 3)[(y * width + x)[inside]] = colour
+    picture[y[inside].astype(np.intp), x[inside].astype(np.intp)] = colour
 
 
 def displayable_response(response: np.ndarray) -> np.ndarray:

@@ -74,6 +74,7 @@ def compile_all() -> float:
         x, y = refine(values, *local_maxima(values, 10.0))
         smoothed_gradients(image, x, y, 2.5)
         points, responses = np.column_stack((x, y)), np.ones(len(x))
+        set_pixels(np.zeros((40, 40, 3), np.uint8), x, y, points, points, (0, 0, 0))
         strongest_first(responses)
         suppression_radii(points, significantly_stronger(responses, 0.9), 1)
     return time.perf_counter() - start
@@ -467,38 +468,34 @@ def _local_maxima(response, minimum, first, last):
     capacity = ((last - first + 1) // 2) * ((width + 1) // 2) + 8   # of two neighbours only one is a maximum
     found_x, found_y = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
     least = splat(np.float32(minimum))
-    outside = np.full(width, -np.inf, np.float32)
-    ends = width if width < LEAST_WIDTH else 1   # how many pixels are looked at one by one
     count = 0
     for y in range(first, last):
-        row = response[y]
-        above = response[y - 1] if y > 0 else outside
-        below = response[y + 1] if y < height - 1 else outside
         start = count
-        for x in range(ends):
+        by_vectors = 0 < y < height - 1 and width >= LEAST_WIDTH
+        for x in range(1 if by_vectors else width):
             found_x[count] = x
             count += _is_maximum(response, x, y, minimum)
-        if ends == width:
-            found_y[start:count] = y
-            continue
-        for x in range(1, width - 1, LANES):
-            at = min(x, width - 1 - LANES)
-            value = load(row, at)
+        for x in range(1, width - 1 if by_vectors else 0, LANES):
+            begin = min(x, width - 1 - LANES)
+            at = y * width + begin
+            value = load(response, at)
             bits = where_greater(value, least)
             if bits == 0:
                 continue
-            before = maximum(maximum(load(row, at - 1), load(above, at - 1)),
-                             maximum(load(above, at), load(above, at + 1)))
-            after = maximum(maximum(load(row, at + 1), load(below, at - 1)),
-                            maximum(load(below, at), load(below, at + 1)))
+            above, below = at - width, at + width
+            before = maximum(maximum(load(response, at - 1), load(response, above - 1)),
+                             maximum(load(response, above), load(response, above + 1)))
+            after = maximum(maximum(load(response, at + 1), load(response, below - 1)),
+                            maximum(load(response, below), load(response, below + 1)))
             bits &= where_greater(value, before) & where_not_less(value, after)
-            bits &= -1 << (x - at)   # the others have been looked at
+            bits &= -1 << (x - begin)   # the others have been looked at
             while bits != 0:
-                found_x[count] = at + lowest_bit(bits)
+                found_x[count] = begin + lowest_bit(bits)
                 count += 1
                 bits &= bits - 1
-        found_x[count] = width - 1
-        count += _is_maximum(response, width - 1, y, minimum)
+        if by_vectors:
+            found_x[count] = width - 1
+            count += _is_maximum(response, width - 1, y, minimum)
         found_y[start:count] = y
     return found_x[:count].copy(), found_y[:count].copy()
 
@@ -585,7 +582,8 @@ def _gaussian_and_slope(offset, sigma, bell, weights, slopes):
     radius = len(bell) - 1
     right = left = np.exp(-offset ** 2 / (2 * sigma ** 2))
     weights[radius] = right
-    to_right, to_left = np.exp(offset / sigma ** 2), np.exp(-offset / sigma ** 2)
+    to_right = np.exp(offset / sigma ** 2)
+    to_left = 1 / to_right
     for k in range(1, radius + 1):
         right *= to_right
         left *= to_left
@@ -614,6 +612,22 @@ def _weighed_patch(values, start, stride, middle, side, weights_x, slopes_x, wei
         gradient_x += load(slopes_x, i) * weighed
         gradient_y += load(weights_x, i) * sloped
     return sum_of(gradient_x), sum_of(gradient_y)
+
+
+# ---- Drawing ----
+
+@_kernel
+def set_pixels(picture, x, y, offsets_x, offsets_y, colour):
+    """Colour the pixels at offsets from each position; reference: `drawing.reference_set_pixels`."""
+    height, width = picture.shape[:2]
+    blue, green, red = np.uint8(colour[0]), np.uint8(colour[1]), np.uint8(colour[2])
+    for i in range(len(x)):
+        row = min(i, len(offsets_x) - 1)
+        for j in range(offsets_x.shape[1]):
+            u, v = np.rint(x[i] + offsets_x[row, j]), np.rint(y[i] + offsets_y[row, j])
+            if 0 <= u < width and 0 <= v < height:
+                column, line = int(u), int(v)
+                picture[line, column, 0], picture[line, column, 1], picture[line, column, 2] = blue, green, red
 
 
 # ---- Sorting ----

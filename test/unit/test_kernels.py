@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from conftest import texture
 
-from rvc_features import filters, kernels, maxima, orientation
+from rvc_features import drawing, filters, kernels, maxima, orientation
 from rvc_features.harris_detector import HarrisDetector
 from rvc_features.response import harris_response, reference_response, response_and_maximum
 
@@ -158,6 +158,19 @@ def test_orientation_kernel_equals_reference(sigma):
     gradients = np.array(kernels.smoothed_gradients(image, x, y, sigma))
     expected = np.array(orientation.reference_gradients(image, x, y, sigma))
     assert np.abs(gradients - expected).max() <= 1e-9 * np.abs(expected).max()
+
+
+@compiled
+def test_drawing_kernel_equals_reference():
+    x, y = random.uniform(-9, 69, 50), random.uniform(-9, 49, 50)
+    x[:3] = np.nan, np.inf, -1e30
+    for count in (1, 50):
+        offsets = random.normal(0, 5, (2, count, 12))
+        pictures = np.zeros((2, 40, 60, 3), np.uint8)
+        drawing.reference_set_pixels(pictures[0], x, y, *offsets, (1, 2, 3))
+        kernels.set_pixels(pictures[1], x, y, *offsets, (1, 2, 3))
+        assert pictures[0].any()
+        assert np.array_equal(pictures[0], pictures[1])
 
 
 def test_flat_image_has_no_gradient_anywhere():
