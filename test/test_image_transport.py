@@ -3,11 +3,14 @@
 
 import contextlib
 import gc
+import io
 import logging
 import os
 import queue
 import re
 import signal
+import socket
+import struct
 import subprocess
 import sys
 import tempfile
@@ -15,6 +18,7 @@ import threading
 import time
 import unittest
 from pathlib import Path
+from types import SimpleNamespace
 
 import cv2
 import dynamic_reconfigure.client
@@ -22,6 +26,9 @@ import numpy as np
 import rosbag
 import rospy
 import rostest
+from rospy.exceptions import TransportTerminated
+from rospy.impl.tcpros_base import TCPROSTransport
+from rospy.impl.tcpros_pubsub import TCPROSSub
 from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import CompressedImage
 from sensor_msgs.msg import Image as PlainImage
@@ -33,8 +40,8 @@ import pytest
 from quadrant_images import ENCODINGS, corners, quadrants
 from ros_helpers import Diagnostics, Inbox
 
-from rvc_features import image_transport
-from rvc_features.image_messages import to_array, unpack
+from rvc_features import image_messages, image_transport, whole_reads
+from rvc_features.image_messages import to_array, to_image_message, unpack
 from rvc_features.image_transport import ImageTransport, RawTransport, Transport, TransportHints
 
 JPEG, PNG = (cv2.imencode(kind, quadrants('bgr8'))[1].tobytes() for kind in ('.jpg', '.png'))
@@ -178,6 +185,49 @@ class ImageTransportTest(unittest.TestCase):
             assert unpack(message)[1] == 'rgb8'
             subscriber.shutdown()
             wait_until(lambda: publisher.get_num_subscribers() == 0, 'gone')
+
+    def test_messages_are_read_whole_however_they_come(self):
+        images = [to_image_message(np.full((height, 50, 3), height, np.uint8), 'bgr8') for height in (1, 400, 30, 2000)]
+        buffer = io.BytesIO()
+        for number, image in enumerate(images):
+            rospy.msg.serialize_message(buffer, number, image)
+        sent = buffer.getvalue()
+        first = 4 + struct.unpack_from('<I', sent)[0]
+        for cuts in ([], [1], [4], [5, 6, 7], [first], [first + 2], [first + 4, 50_000], [*range(900, 99_999, 900)]):
+            ours, theirs = socket.socketpair()
+            connection = TCPROSTransport(TCPROSSub('/topic', image_messages.Image, buff_size=1000), '/topic')
+            connection.set_socket(ours, 'test')
+            whole_reads.read_whole_messages(SimpleNamespace(impl=SimpleNamespace(
+                add_connection=None, connections=[connection])))
+
+            def send(portions=cuts, theirs=theirs):
+                with theirs:
+                    for begin, end in zip([0, *portions], [*portions, None]):
+                        theirs.sendall(sent[begin:end])
+
+            sender = threading.Thread(target=send)
+            sender.start()
+            with contextlib.closing(connection):
+                received = []
+                while len(received) < len(images):
+                    received += connection.receive_once()
+                for image, original in zip(received, images):
+                    np.testing.assert_array_equal(to_array(image), to_array(original))
+                sender.join()
+                self.assertEqual(connection.stat_bytes, len(sent))
+                with self.assertRaises(TransportTerminated):
+                    connection.receive_once()
+
+    def test_connection_that_ends_within_a_message_is_noticed(self):
+        ours, theirs = socket.socketpair()
+        connection = TCPROSTransport(TCPROSSub('/topic', image_messages.Image), '/topic')
+        connection.set_socket(ours, 'test')
+        whole_reads.read_whole_messages(SimpleNamespace(impl=SimpleNamespace(
+            add_connection=None, connections=[connection])))
+        with theirs:
+            theirs.sendall(struct.pack('<I', 10_000) + bytes(500))
+        with contextlib.closing(connection), self.assertRaises(TransportTerminated):
+            connection.receive_once()
 
     def test_any_tool_recognises_what_we_publish(self):
         publisher = self.advertise('typed', latch=True)

@@ -8,6 +8,6 @@ Detector half (OpenCV, NumPy, and Numba where it is installed)
     heap.
 ROS half
     feature_detector_node: the node; compare_node: detectors side by side. image_transport, image_messages, republish,
-    lazy_input: images in and out. reconfigure: parameters while running. bags, make_bag: bags. demo, private_master.
-    spin: how nodes run.
+    lazy_input, whole_reads: images in and out. reconfigure: parameters while running. bags, make_bag: bags. demo,
+    private_master. spin: how nodes run.
 """

@@ -156,7 +156,7 @@ class Image(sensor_msgs.msg.Image):
         buff.write(struct.pack('<I', pixels.nbytes))
         buff.write(pixels)
 
-    def deserialize(self, buff: bytes) -> Image:
+    def deserialize(self, buff: bytes | memoryview) -> Image:
         try:
             frame_id_length, = struct.unpack_from('<I', buff, 12)
             encoding_length, = struct.unpack_from('<I', buff, 24 + frame_id_length)
@@ -164,7 +164,7 @@ class Image(sensor_msgs.msg.Image):
             length, = struct.unpack_from('<I', buff, start - 4)
         except struct.error as error:
             raise genpy.DeserializationError(error) from error
-        super().deserialize(buff[:start - 4] + bytes(4))
+        super().deserialize(bytes(buff[:start - 4]) + bytes(4))
         self.data = memoryview(buff)[start:start + length]
         return self
 

@@ -31,13 +31,13 @@ from rvc_features.image_messages import (
     unpack,
 )
 from rvc_features.reconfigure import ReconfigureServer
+from rvc_features.whole_reads import FIRST_READ, read_whole_messages
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 
-# How much rospy reads at once where a callback may be slow: more than a message, or old frames wait in the socket
-# although queue_size is 1. It costs a tenth of the time of large images, so callbacks that only store do without.
-_LARGE_BUFFER = 1 << 24
-_SMALL_BUFFER = 1 << 20   # a fifth less time for large images than with rospy's 64 kB
+# How much rospy reads at once: more than a message, or old frames wait in the socket although queue_size is 1. Raw
+# images for callbacks that only store are read whole instead.
+_LARGE_BUFFER = 1 << 24   # bytes
 
 
 @dataclasses.dataclass(frozen=True)
@@ -196,10 +196,12 @@ class Subscriber:
         self._callback: Callable[[Any], Any] | None = callback
         self._decode = decode
         _warn_of_transport_in(self._base_topic)
+        whole = not decode and self._transport.message_class is Image
         self._subscriber = rospy.Subscriber(
             self._transport.topic(self._base_topic), self._transport.message_class, self._receive,
-            queue_size=queue_size or None, buff_size=_LARGE_BUFFER if decode else _SMALL_BUFFER,
-            tcp_nodelay=tcp_nodelay)
+            queue_size=queue_size or None, buff_size=FIRST_READ if whole else _LARGE_BUFFER, tcp_nodelay=tcp_nodelay)
+        if whole:
+            read_whole_messages(self._subscriber)
 
     def get_num_publishers(self) -> int:
         """How many publishers the subscriber is connected to."""
