@@ -130,7 +130,8 @@ class HarrisDetector(FeatureDetector):
                     # A little below the threshold, for the map is in single precision; the filter decides.
                     least = max(least, (1 - 1e-6) * self.threshold * largest)
             elif finer:
-                least = max(least, self._least_of_strongest(finer))
+                # Of the full image alone: to know the bound of all finer octaves costs more than it saves.
+                least = max(least, self._least_of_strongest(finer[0].strength))
             else:
                 # Mostly there are enough far above the least; then there is no need of the many weak ones.
                 candidates = self._candidates_above(max(least, _MOSTLY_ENOUGH * largest), image, octave, mask, h)
@@ -150,9 +151,8 @@ class HarrisDetector(FeatureDetector):
             x, y = x[allowed], y[allowed]
         return _Candidates(image, octave, h, x, y, h.ravel().take(y * h.shape[1] + x))
 
-    def _least_of_strongest(self, candidates: list[_Candidates]) -> float:
-        """Response of the last of the strongest `number_of_points` so far, which a further one must exceed."""
-        strength = np.concatenate([of_octave.strength for of_octave in candidates])
+    def _least_of_strongest(self, strength: np.ndarray) -> float:
+        """Response of the last of the strongest `number_of_points`, which a further one must exceed."""
         if self.number_of_points == 0 or len(strength) < self.number_of_points:
             return 0.0
         return float(np.partition(strength, -self.number_of_points)[-self.number_of_points])

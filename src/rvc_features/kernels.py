@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import functools
 import logging
-import math
 import os
 import time
 from concurrent.futures import ThreadPoolExecutor
@@ -103,7 +102,7 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
     height, width = image.shape
     if width < LEAST_WIDTH:
         raise ValueError(f'image must be at least {LEAST_WIDTH} pixels wide; got {width}')
-    response = _aligned((height, width), np.float32) if out is None else out
+    response = np.empty((height, width), np.float32) if out is None else out
     largest = _in_bands(lambda first, last: _response_of_rows(image, window_size, window, harris_k, derivative_sigma,
                                                               response, first, last), height, width)
     return response, max(largest)
@@ -112,33 +111,13 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
 def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float,
                       out: np.ndarray, first: int, last: int) -> float:
     """Fill in the rows from `first` to before `last`; returns the largest value in them."""
-    height, width = image.shape
-    exact = image.dtype == np.uint8 and derivative_sigma == 0
-    radius = window_size // 2
-    taps, margin = None, 0
-    if derivative_sigma > 0:
-        margin = int(np.ceil(4 * derivative_sigma))
-        taps = _gaussian_taps(margin, derivative_sigma)
-    smoothed = _aligned((width + 2 * margin + LANES,), np.float64)
-    smoothed.fill(0)   # here and below: what lies beyond the ends is not used, but slow if it happens to be tiny
-    rows = _aligned((3, _row_length(width, 1)), np.uint8 if exact else np.float64)
-    rows.fill(0)
-    lead, length = _lead(radius), _row_length(width, _lead(radius))
+    taps = _gaussian_taps(int(np.ceil(4 * derivative_sigma)), derivative_sigma) if derivative_sigma > 0 else None
+    exact = image.dtype == np.uint8 and taps is None
+    pixel, gradient, product = (_UINT8, _INT16, _INT32) if exact else (_FLOAT64, _FLOAT64, _FLOAT64)
     if window == 'box':
-        gradients = _aligned((min(height, window_size + 1) + 1, 2, length), np.int16 if exact else np.float64)
-        gradients[-1] = 0
-        columns, fours = _aligned((2, 3, length), np.int32 if exact else np.float64)
-        columns.fill(0)
-        return _box_response(image, taps, int(window_size), float(harris_k), lead, smoothed, rows, gradients, columns,
-                             fours, out, first, last)
-    weights = np.zeros(window_size + 2, np.float32)   # with a zero before and after
-    side = _gaussian_taps(radius, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8)
-    weights[1:-1] = np.concatenate((side[:0:-1], side))
-    products = _aligned((min(height, window_size + 1), 3, length), np.float32)
-    products.fill(0)
-    columns = _aligned((2, 3, length), np.float32)
-    return _gaussian_response(image, taps, weights, np.float32(harris_k), lead, smoothed, rows, products, columns, out,
-                              first, last)
+        return _box_response(image, taps, pixel, gradient, product, int(window_size), float(harris_k), out, first, last)
+    weights = _gaussian_weights(window_size)
+    return _gaussian_response(image, taps, pixel, weights, np.float32(harris_k), out, first, last)
 
 
 def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
@@ -166,6 +145,9 @@ if hasattr(os, 'register_at_fork'):   # a forked process has none of its parent'
 
 _LEAST_BAND = 250_000   # pixels: fewer are done about as soon as another thread wakes up
 
+# For their types: what a kernel keeps pixels, gradients and their products in.
+_UINT8, _INT16, _INT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.uint8, np.int16, np.int32, np.float64))
+
 
 @functools.lru_cache(maxsize=64)
 def _gaussian_taps(radius: int, sigma: float) -> np.ndarray:
@@ -174,15 +156,20 @@ def _gaussian_taps(radius: int, sigma: float) -> np.ndarray:
     return taps / (2 * taps.sum() - taps[0])
 
 
+@functools.lru_cache(maxsize=64)
+def _gaussian_weights(window_size: int) -> np.ndarray:
+    """Weights of the Gaussian window, with a zero before and after, float32, shape (window_size + 2,)."""
+    side = _gaussian_taps(window_size // 2, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8)
+    return np.pad(np.concatenate((side[:0:-1], side)), 1).astype(np.float32)
+
+
 # ---- How it is done ----
 
-def _kernel(function: Callable[..., Any] | None = None, **options: Any) -> Any:
+def _kernel(function: Callable[..., Any]) -> Any:
     """Numba's decorator with the options of this module; without Numba the function stays as it is."""
-    if function is None:
-        return functools.partial(_kernel, **options)
     if _reason_against:
         return function
-    options = {'nogil': True, 'error_model': 'numpy', **options}
+    options = {'nogil': True, 'error_model': 'numpy'}
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:   # no place to write a cache: a read-only installation without a home directory
@@ -196,20 +183,26 @@ def _read_only(image: np.ndarray) -> np.ndarray:
     return view
 
 
-def _aligned(shape: tuple[int, ...], dtype: Any) -> np.ndarray:
-    """An uninitialised array that begins at a cache line, so that aligned vectors do not straddle two."""
-    size = math.prod(shape) * np.dtype(dtype).itemsize
-    memory = np.empty(size + 64, np.uint8)
-    start = -memory.__array_interface__['data'][0] % 64
-    return memory[start:start + size].view(dtype).reshape(shape)
+@_kernel
+def _zeros(count, like):
+    """Array of zeros of the type of `like`, from a cache line on, so that aligned vectors do not straddle two.
+
+    Zeros, for what lies beyond the ends of rows is not used, but slow if it happens to be tiny.
+    """
+    size = count * like.itemsize
+    memory = np.zeros(size + 64, np.uint8)
+    start = 63 - (np.int64(memory.ctypes.data) + 63) % 64
+    return memory[start:start + size].view(like.dtype)
 
 
-def _row_length(width: int, lead: int) -> int:
+@_kernel
+def _row_length(width, lead):
     """Of a buffer for rows of that width that begin at `lead`, with room to read beyond either end; in cache lines."""
     return -(-(lead + width + max(lead, 1) + 2 * LANES) // 64) * 64
 
 
-def _lead(radius: int) -> int:
+@_kernel
+def _lead(radius):
     """Where a row begins that is read from `radius` before its first pixel: at a cache line."""
     return -(-radius // LANES) * LANES
 
@@ -239,6 +232,14 @@ def _reflect_ends(row, start, width, radius):
         for j in range(1, radius + 1):
             row[start - j] = row[start + _reflect(j, width)]
             row[end + j] = row[start + _reflect(width - 1 + j, width)]
+
+
+@_kernel
+def _image_rows(width, taps, pixel):
+    """Room for one row on its way to be smoothed, and for the three rows of the image that a gradient needs."""
+    length = _row_length(width, 1)
+    margin = 0 if taps is None else len(taps) - 1
+    return _zeros(width + 2 * margin + LANES, _FLOAT64), _zeros(3 * length, pixel).reshape((3, length))
 
 
 @_kernel
@@ -300,13 +301,17 @@ def _harris(a, b, c, harris_k):
 
 
 @_kernel
-def _box_response(image, taps, window_size, harris_k, lead, smoothed, rows, gradients, columns, fours, out,
-                  first, last):
+def _box_response(image, taps, pixel, gradient, product, window_size, harris_k, out, first, last):
     """Running sums down the columns, sums of neighbours along the row."""
     height, width = image.shape
     radius = window_size // 2
-    slots = len(gradients) - 1
-    zeros = slots   # the last row of gradients stays zero: what the first windows have nothing to subtract from
+    lead, slots = _lead(radius), min(height, window_size + 1)
+    length = _row_length(width, lead)
+    smoothed, rows = _image_rows(width, taps, pixel)
+    gradients = _zeros((slots + 1) * 2 * length, gradient).reshape((slots + 1, 2, length))
+    zeros = slots   # the last row stays zero: what the first windows have nothing to subtract from
+    columns = _zeros(3 * length, product).reshape((3, length))
+    fours = _zeros(3 * length, product).reshape((3, length))
     largest = np.full(LANES, -np.inf, np.float32)
     done = begin = max(0, first - radius)
     for y in range(first, last):
@@ -386,12 +391,16 @@ def _box_row(columns, fours, start, size, harris_k, out, y, largest):
 
 
 @_kernel
-def _gaussian_response(image, taps, weights, harris_k, lead, smoothed, rows, products, columns, out, first, last):
+def _gaussian_response(image, taps, pixel, weights, harris_k, out, first, last):
     """The same with weighted sums, two rows at a time, for then each row of products is read half as often."""
     height, width = image.shape
     size = len(weights) - 2
     radius = size // 2
-    slots, length = len(products), products.shape[2]
+    lead, slots = _lead(radius), min(height, size + 1)
+    length = _row_length(width, lead)
+    smoothed, rows = _image_rows(width, taps, pixel)
+    products = _zeros(slots * 3 * length, weights)
+    columns = _zeros(2 * 3 * length, weights).reshape((2, 3, length))
     offsets = np.empty(size + 1, np.int64)
     largest = np.full(LANES, -np.inf, np.float32)
     done = begin = max(0, first - radius)
