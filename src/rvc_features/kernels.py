@@ -169,7 +169,7 @@ def _kernel(function: Callable[..., Any]) -> Any:
     """Numba's decorator with the options of this module; without Numba the function stays as it is."""
     if _reason_against:
         return function
-    options = {'nogil': True, 'error_model': 'numpy'}
+    options: dict[str, Any] = {'nogil': True, 'error_model': 'numpy'}
     try:
         return numba.njit(cache=True, **options)(function)
     except RuntimeError:   # no place to write a cache: a read-only installation without a home directory
