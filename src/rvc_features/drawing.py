@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from typing import Iterator
 
 import cv2
 import numpy as np
@@ -41,43 +42,49 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
         picture[:] = image
 
     points = as_array(key_points)
-    for octave, size in sorted(set(zip(points['octave'].tolist(), points['size'].tolist())), reverse=True):
-        here = points[(points['octave'] == octave) & (points['size'] == size)]   # small ones come on top of large ones
+    draw = kernels.stamp if kernels.available() else reference_stamp
+    for octave, size, here in _by_octave_and_size(points):
         colour = OCTAVE_COLOURS[octave % len(OCTAVE_COLOURS)]
         radius = max(size / 2, _LEAST_RADIUS)
-        x, y = here['x'].astype(np.float64), here['y'].astype(np.float64)
-        _set_pixels(picture, np.rint(x), np.rint(y), *_ring(round(radius * 16)), colour)
-        with_ray = here['angle'] >= 0
-        angle, steps = np.radians(here['angle'][with_ray], dtype=np.float64)[:, None], np.arange(np.ceil(radius))
-        _set_pixels(picture, x[with_ray], y[with_ray], np.cos(angle) * steps, np.sin(angle) * steps, colour)
+        draw(picture, here['x'], here['y'], here['angle'], *_ring(round(radius * 16)), radius, colour)
     return picture
+
+
+def _by_octave_and_size(points: np.ndarray) -> Iterator[tuple[int, float, np.ndarray]]:
+    """Octave, size, and the points that have both; large ones first, so that small ones come on top."""
+    octaves, sizes = points['octave'], points['size']
+    if len(points) > 0 and (octaves == octaves[0]).all() and (sizes == sizes[0]).all():
+        yield int(octaves[0]), float(sizes[0]), points
+        return
+    for octave, size in sorted(set(zip(octaves.tolist(), sizes.tolist())), reverse=True):
+        yield octave, size, points[(octaves == octave) & (sizes == size)]
 
 
 @functools.lru_cache(maxsize=256)
 def _ring(sixteenths: int) -> tuple[np.ndarray, np.ndarray]:
-    """Pixels of a circle round (0, 0), x and y, float64, shape (1, M); the radius comes in sixteenths of a pixel."""
+    """Pixels of a circle round (0, 0), x and y; the radius comes in sixteenths of a pixel."""
     middle = sixteenths // 16 + 2
     canvas = np.zeros((2 * middle + 1, 2 * middle + 1), np.uint8)
     cv2.circle(canvas, (middle << 4, middle << 4), sixteenths, (1,), 1, cv2.LINE_8, 4)
     y, x = np.nonzero(canvas)
-    return (x - float(middle))[None], (y - float(middle))[None]
+    return x - middle, y - middle
 
 
-def _set_pixels(picture: np.ndarray, x: np.ndarray, y: np.ndarray, offsets_x: np.ndarray, offsets_y: np.ndarray,
-                colour: tuple[int, int, int]) -> None:
-    """Colour the pixels at offsets, shape (N, M) or (1, M), from each of N positions, where they are in the picture.
+def reference_stamp(picture: np.ndarray, x: np.ndarray, y: np.ndarray, angle: np.ndarray, ring_x: np.ndarray,
+                    ring_y: np.ndarray, radius: float, colour: tuple[int, int, int]) -> None:
+    """Draw a ring round each point, and a ray of that length where it has an angle, as far as they are in the picture.
 
-    One call for all of them: a call of OpenCV for each circle takes several times as long.
+    All at once: a call of OpenCV for each circle takes several times as long.
     """
-    paint = kernels.set_pixels if kernels.available() else reference_set_pixels
-    paint(picture, x, y, offsets_x, offsets_y, colour)
+    _set_pixels(picture, np.rint(x)[:, None] + ring_x, np.rint(y)[:, None] + ring_y, colour)
+    with_ray = angle >= 0
+    x, y, angle = (values[with_ray].astype(np.float64)[:, None] for values in (x, y, np.radians(angle, dtype=float)))
+    steps = np.arange(np.ceil(radius))
+    _set_pixels(picture, np.rint(x + np.cos(angle) * steps), np.rint(y + np.sin(angle) * steps), colour)
 
 
-def reference_set_pixels(picture: np.ndarray, x: np.ndarray, y: np.ndarray, offsets_x: np.ndarray,
-                         offsets_y: np.ndarray, colour: tuple[int, int, int]) -> None:
-    """`_set_pixels` with NumPy."""
+def _set_pixels(picture: np.ndarray, x: np.ndarray, y: np.ndarray, colour: tuple[int, int, int]) -> None:
     height, width = picture.shape[:2]
-    x, y = np.rint(x[:, None] + offsets_x), np.rint(y[:, None] + offsets_y)
     inside = (x >= 0) & (x < width) & (y >= 0) & (y < height)
     picture[y[inside].astype(np.intp), x[inside].astype(np.intp)] = colour
 

@@ -13,8 +13,8 @@ from rvc_features.parameters import Integer, Real, check
 
 def above_threshold(responses: np.ndarray, threshold: float, maximum: float) -> np.ndarray:
     """Indices of the responses greater than `threshold` times `maximum`, strongest first."""
-    responses = np.asarray(responses, np.float64)
-    chosen = np.flatnonzero(responses > threshold * maximum)
+    responses = np.asarray(responses)
+    chosen = np.flatnonzero(responses.astype(np.float64) > threshold * maximum)
     return chosen[_strongest_first(responses[chosen])]
 
 
@@ -108,23 +108,18 @@ def reference_stronger(responses: np.ndarray, robustness: float) -> np.ndarray:
 
 def _largest_first(values: np.ndarray, count: int) -> np.ndarray:
     """Indices of the `count` largest values, largest first; of equals the lower index."""
-    if count == 0:
-        return np.zeros(0, np.intp)
-    if count < len(values):
+    if count < len(values) and len(values) > _MANY and count > 0:
         # Sort only what can be among them: a partition costs less than a sort of everything.
         candidates = np.flatnonzero(values >= np.partition(values, -count)[-count])
         return candidates[_strongest_first(values[candidates])][:count]
-    return _strongest_first(values)
+    return _strongest_first(values)[:count]
+
+
+_MANY = 1500
 
 
 def _strongest_first(responses: np.ndarray) -> np.ndarray:
-    responses = np.asarray(responses, np.float64)
-    if len(responses) >= _MANY and kernels.available():
-        return kernels.strongest_first(responses)
-    return np.argsort(-responses, kind='stable')
-
-
-_MANY = 1000   # from here on the kernel sorts faster than NumPy
+    return kernels.strongest_first(responses) if kernels.available() else np.argsort(-responses, kind='stable')
 
 
 def _checked_candidates(points: np.ndarray, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -94,7 +94,7 @@ class HarrisDetector(FeatureDetector):
             here = chosen[(chosen >= start) & (chosen < end)] - start
             found.append(self._oriented_key_points(of_octave.only(here)))
             start = end
-        return np.concatenate(found)
+        return _joined(found)
 
     def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None) -> np.ndarray:
         """Candidates of one octave: local maxima of the response above `minimum_response`, without angle.
@@ -158,9 +158,9 @@ class HarrisDetector(FeatureDetector):
         return float(np.partition(strength, -self.number_of_points)[-self.number_of_points])
 
     def _filter(self, candidates: list[_Candidates]) -> np.ndarray:
-        strength = np.concatenate([of_octave.strength for of_octave in candidates])
+        strength = _joined([of_octave.strength for of_octave in candidates])
         if self.anms:
-            found = np.concatenate([self._key_points(of_octave) for of_octave in candidates])
+            found = _joined([self._key_points(of_octave) for of_octave in candidates])
             points = np.column_stack((found['x'], found['y']))
             return filters.adaptive_non_maximal_suppression(points, strength, self.anms_points, self.anms_robustness)
         if self.fixed_number_of_points:
@@ -217,6 +217,11 @@ class _Scratch(threading.local):
 
 
 _scratch = _Scratch()
+
+
+def _joined(arrays: list[np.ndarray]) -> np.ndarray:
+    """One array of all; without a copy where there is but one."""
+    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
 
 
 def _inside(x: np.ndarray, y: np.ndarray, shape: tuple[int, ...], border: int) -> np.ndarray:

@@ -73,8 +73,9 @@ def compile_all() -> float:
         x, y = refine(values, *local_maxima(values, 10.0))
         smoothed_gradients(image, x, y, 2.5)
         points, responses = np.column_stack((x, y)), np.ones(len(x))
-        set_pixels(np.zeros((40, 40, 3), np.uint8), x, y, points, points, (0, 0, 0))
         strongest_first(responses)
+        strongest_first(responses.astype(np.float32))
+        stamp(np.zeros((40, 40, 3), np.uint8), x, y, responses, x.astype(np.int64), y.astype(np.int64), 2.0, (0, 0, 0))
         suppression_radii(points, significantly_stronger(responses, 0.9), 1)
     return time.perf_counter() - start
 
@@ -625,18 +626,41 @@ def _weighed_patch(values, start, stride, middle, side, weights_x, slopes_x, wei
 
 # ---- Drawing ----
 
+def stamp(picture: np.ndarray, x: np.ndarray, y: np.ndarray, angle: np.ndarray, ring_x: np.ndarray,
+          ring_y: np.ndarray, radius: float, colour: tuple[int, int, int]) -> None:
+    """Draw a ring round each point, and a ray; reference: `drawing.reference_stamp`."""
+    x, y, angle = (np.ascontiguousarray(values, np.float32) for values in (x, y, angle))
+    _stamp(picture, x, y, angle, ring_x, ring_y, float(radius), colour)
+
+
 @_kernel
-def set_pixels(picture, x, y, offsets_x, offsets_y, colour):
-    """Colour the pixels at offsets from each position; reference: `drawing.reference_set_pixels`."""
+def _stamp(picture, x, y, angle, ring_x, ring_y, radius, colour):
     height, width = picture.shape[:2]
-    blue, green, red = np.uint8(colour[0]), np.uint8(colour[1]), np.uint8(colour[2])
+    reach = max(np.abs(ring_x).max(), np.abs(ring_y).max())
     for i in range(len(x)):
-        row = min(i, len(offsets_x) - 1)
-        for j in range(offsets_x.shape[1]):
-            u, v = np.rint(x[i] + offsets_x[row, j]), np.rint(y[i] + offsets_y[row, j])
-            if 0 <= u < width and 0 <= v < height:
-                column, line = int(u), int(v)
-                picture[line, column, 0], picture[line, column, 1], picture[line, column, 2] = blue, green, red
+        middle_x, middle_y = np.rint(x[i]), np.rint(y[i])
+        if reach <= middle_x < width - reach and reach <= middle_y < height - reach:
+            column, row = int(middle_x), int(middle_y)
+            for j in range(len(ring_x)):
+                _set_pixel(picture, row + ring_y[j], column + ring_x[j], colour)
+        else:
+            for j in range(len(ring_x)):
+                _set_pixel_inside(picture, middle_y + ring_y[j], middle_x + ring_x[j], colour)
+        if angle[i] >= 0:
+            to_x, to_y = np.cos(np.radians(np.float64(angle[i]))), np.sin(np.radians(np.float64(angle[i])))
+            for step in range(int(np.ceil(radius))):
+                _set_pixel_inside(picture, np.rint(y[i] + to_y * step), np.rint(x[i] + to_x * step), colour)
+
+
+@_kernel
+def _set_pixel_inside(picture, row, column, colour):
+    if 0 <= row < picture.shape[0] and 0 <= column < picture.shape[1]:
+        _set_pixel(picture, int(row), int(column), colour)
+
+
+@_kernel
+def _set_pixel(picture, row, column, colour):
+    picture[row, column, 0], picture[row, column, 1], picture[row, column, 2] = colour
 
 
 # ---- Sorting ----
@@ -645,15 +669,30 @@ _DIGIT = 11   # bits
 
 
 def strongest_first(values: np.ndarray) -> np.ndarray:
-    """Indices from the largest value to the least, of equals the lower first; reference: NumPy's stable argsort."""
-    # The bits of a positive double rise with it, those of a negative one fall; -0.0 becomes 0.0.
-    bits = (values + 0.0).view(np.uint64)
-    return _order_of_keys(np.where(bits >> np.uint64(63), bits, ~bits & np.uint64(2 ** 63 - 1)))
+    """Indices from the largest value to the least, of equals the lower first; reference: NumPy's stable argsort.
+
+    `values` are float32, float64 or whatever becomes float64.
+    """
+    values = np.asarray(values)
+    if values.dtype != np.float32:
+        values = values.astype(np.float64, copy=False)
+    bits = (values + values.dtype.type(0)).view(f'u{values.itemsize}')   # -0.0 becomes 0.0
+    return _strongest_first(bits)
+
+
+@_kernel
+def _strongest_first(bits):
+    """The bits of a positive float rise with it, those of a negative one fall; they are overwritten."""
+    top = 8 * bits.itemsize - 1
+    for i in range(len(bits)):
+        if not bits[i] >> bits.dtype.type(top):
+            bits[i] = ~bits[i] & bits.dtype.type((1 << top) - 1)
+    return _order_of_keys(bits)
 
 
 @_kernel
 def _order_of_keys(keys):
-    """Stable radix sort: indices that bring keys (uint64) into rising order. An unchanging digit costs little."""
+    """Stable radix sort: indices that bring unsigned keys into rising order. An unchanging digit costs little."""
     size = len(keys)
     order = np.arange(size)
     if size < 64:
@@ -664,16 +703,17 @@ def _order_of_keys(keys):
                 at -= 1
             order[at] = moved
         return order
-    digits = 64 // _DIGIT + 1
-    mask = np.uint64((1 << _DIGIT) - 1)
+    kind = keys.dtype.type
+    digits = 8 * keys.itemsize // _DIGIT + 1
+    mask = kind((1 << _DIGIT) - 1)
     counts = np.zeros((digits, 1 << _DIGIT), np.int64)
     for i in range(size):
         key = keys[i]
         for digit in range(digits):
-            counts[digit, np.int64((key >> np.uint64(_DIGIT * digit)) & mask)] += 1
-    other_keys, other_order = np.empty(size, np.uint64), np.empty(size, np.int64)
+            counts[digit, np.int64((key >> kind(_DIGIT * digit)) & mask)] += 1
+    other_keys, other_order = np.empty(size, keys.dtype), np.empty(size, np.int64)
     for digit in range(digits):
-        shift = np.uint64(_DIGIT * digit)
+        shift = kind(_DIGIT * digit)
         count = counts[digit]
         if count[np.int64((keys[0] >> shift) & mask)] == size:
             continue
@@ -684,7 +724,7 @@ def _order_of_keys(keys):
             value = np.int64((keys[i] >> shift) & mask)
             other_keys[count[value]], other_order[count[value]] = keys[i], order[i]
             count[value] += 1
-        keys, other_keys = other_keys, (keys if digit > 0 else np.empty(size, np.uint64))
+        keys, other_keys = other_keys, (keys if digit > 0 else np.empty(size, keys.dtype))
         order, other_order = other_order, order
     return order
 

@@ -161,14 +161,17 @@ def test_orientation_kernel_equals_reference(sigma):
 
 
 @compiled
-def test_drawing_kernel_equals_reference():
-    x, y = random.uniform(-9, 69, 50), random.uniform(-9, 49, 50)
-    x[:3] = np.nan, np.inf, -1e30
-    for count in (1, 50):
-        offsets = random.normal(0, 5, (2, count, 12))
+@pytest.mark.parametrize('radius', [2.0, 2.5, 9.3])
+def test_drawing_kernel_equals_reference(radius):
+    x, y = random.uniform(-9, 69, (2, 90)).astype(np.float32)
+    angle = random.uniform(0, 360, 90).astype(np.float32)
+    x[:4], angle[5:9] = (np.nan, np.inf, -1e30, 1e30), -1
+    x[-1], y[-1] = 30, 20
+    ring_x, ring_y = random.integers(-9, 10, (2, 20))
+    for count in (90, 1):
         pictures = np.zeros((2, 40, 60, 3), np.uint8)
-        drawing.reference_set_pixels(pictures[0], x, y, *offsets, (1, 2, 3))
-        kernels.set_pixels(pictures[1], x, y, *offsets, (1, 2, 3))
+        for picture, stamp in zip(pictures, (drawing.reference_stamp, kernels.stamp)):
+            stamp(picture, x[-count:], y[-count:], angle[-count:], ring_x, ring_y, radius, (1, 2, 3))
         assert pictures[0].any()
         assert np.array_equal(pictures[0], pictures[1])
 
@@ -201,6 +204,8 @@ def test_suppression_kernel_equals_reference(count, robustness):
                           np.geomspace(1e6, 1, count), -random.exponential(1, count)):
             order = np.argsort(-responses, kind='stable')
             assert np.array_equal(kernels.strongest_first(responses), order)
+            single = responses.astype(np.float32)
+            assert np.array_equal(kernels.strongest_first(single), np.argsort(-single, kind='stable'))
             falling = responses[order]
             stronger = filters.reference_stronger(falling, robustness)
             assert np.array_equal(kernels.significantly_stronger(falling, robustness), stronger)
