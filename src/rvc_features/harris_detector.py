@@ -11,7 +11,7 @@ import numpy as np
 
 from rvc_features import filters, key_points, maxima, response
 from rvc_features.feature_detector import FeatureDetector, as_grey
-from rvc_features.orientation import gradient_orientation
+from rvc_features.orientation import direction, smoothed_gradient
 from rvc_features.parameters import Flag, Integer, Real, parameter
 
 
@@ -78,6 +78,7 @@ class HarrisDetector(FeatureDetector):
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Candidates of every octave, then one filter over all of them together."""
         candidates: list[_Candidates] = []
+        to_beat = 0.0
         for octave in range(self.octaves):
             if octave > 0:
                 if min(image.shape) < 2 * _SMALLEST_OCTAVE:
@@ -85,16 +86,17 @@ class HarrisDetector(FeatureDetector):
                 # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
                 image = cv2.pyrDown(image)
                 mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
-            candidates.append(self._candidates(image, octave, mask, candidates))
+            candidates.append(self._candidates(image, octave, mask, to_beat))
+            if octave == 0 and self.octaves > 1:
+                to_beat = self._least_of_strongest(candidates[0].strength)
 
-        chosen = self._filter(candidates)
-        found, start = [], 0
-        for of_octave in candidates:
-            end = start + len(of_octave.x)
-            here = chosen[(chosen >= start) & (chosen < end)] - start
-            found.append(self._oriented_key_points(of_octave.only(here)))
-            start = end
-        return _joined(found)
+        chosen = _only(self._filter(candidates), candidates)
+        positions = [self._positions(of_octave) for of_octave in chosen]
+        found = self._key_points(chosen, positions)
+        gradients = [smoothed_gradient(of_octave.image, x, y, self.orientation_sigma)
+                     for of_octave, (x, y) in zip(chosen, positions)]
+        found['angle'] = direction(*(_joined(list(parts)) for parts in zip(*gradients)))
+        return found
 
     def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None) -> np.ndarray:
         """Candidates of one octave: local maxima of the response above `minimum_response`, without angle.
@@ -111,7 +113,8 @@ class HarrisDetector(FeatureDetector):
         ndarray of key_points.DTYPE, shape (N,)
             Positions and sizes in pixels of the full image, in reading order.
         """
-        return self._key_points(self._candidates(image, octave, mask))
+        candidates = self._candidates(image, octave, mask)
+        return self._key_points([candidates], [self._positions(candidates)])
 
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """H of the full image."""
@@ -119,19 +122,18 @@ class HarrisDetector(FeatureDetector):
                                         self.derivative_sigma)
 
     def _candidates(self, image: np.ndarray, octave: int, mask: np.ndarray | None,
-                    finer: list[_Candidates] | None = None) -> _Candidates:
-        """Candidates of an octave; given those of the `finer` ones, without some that the filter is sure to drop."""
+                    to_beat: float | None = None) -> _Candidates:
+        """Candidates of an octave; given what they must exceed, without some that the filter is sure to drop."""
         h, largest = response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
                                                    self.derivative_sigma, _scratch.response_map(octave, image.shape))
         least = self.minimum_response
-        if finer is not None and not self.anms:
+        if to_beat is not None and not self.anms:
             if not self.fixed_number_of_points:
                 if mask is None and self.border == 0:   # otherwise the largest H need not be that of a candidate
                     # A little below the threshold, for the map is in single precision; the filter decides.
                     least = max(least, (1 - 1e-6) * self.threshold * largest)
-            elif finer:
-                # Of the full image alone: to know the bound of all finer octaves costs more than it saves.
-                least = max(least, self._least_of_strongest(finer[0].strength))
+            elif to_beat > 0:
+                least = max(least, to_beat)
             else:
                 # Mostly there are enough far above the least; then there is no need of the many weak ones.
                 candidates = self._candidates_above(max(least, _MOSTLY_ENOUGH * largest), image, octave, mask, h)
@@ -152,37 +154,37 @@ class HarrisDetector(FeatureDetector):
         return _Candidates(image, octave, h, x, y, h.ravel().take(y * h.shape[1] + x))
 
     def _least_of_strongest(self, strength: np.ndarray) -> float:
-        """Response of the last of the strongest `number_of_points`, which a further one must exceed."""
-        if self.number_of_points == 0 or len(strength) < self.number_of_points:
+        """Response of the last of the strongest `number_of_points`, which a further one must exceed; 0 if none must."""
+        if not 0 < self.number_of_points <= len(strength):
             return 0.0
         return float(np.partition(strength, -self.number_of_points)[-self.number_of_points])
 
     def _filter(self, candidates: list[_Candidates]) -> np.ndarray:
         strength = _joined([of_octave.strength for of_octave in candidates])
         if self.anms:
-            found = _joined([self._key_points(of_octave) for of_octave in candidates])
+            found = self._key_points(candidates, [self._positions(of_octave) for of_octave in candidates])
             points = np.column_stack((found['x'], found['y']))
             return filters.adaptive_non_maximal_suppression(points, strength, self.anms_points, self.anms_robustness)
         if self.fixed_number_of_points:
             return filters.strongest(strength, self.number_of_points)
         return filters.above_threshold(strength, self.threshold, float(strength.max(initial=0)))
 
-    def _key_points(self, candidates: _Candidates) -> np.ndarray:
-        x, y = candidates.x, candidates.y
+    def _positions(self, candidates: _Candidates) -> tuple[np.ndarray, np.ndarray]:
+        """x and y in pixels of the octave."""
         if self.local_maxima and self.subpixel:
-            x, y = maxima.refine(candidates.response, x, y)
-        scale = 2 ** candidates.octave
-        found = key_points.empty(len(x))
-        found['x'], found['y'] = x * scale, y * scale
-        found['size'] = self.window_size * scale
-        found['response'] = candidates.strength
-        found['octave'] = candidates.octave
-        return found
+            return maxima.refine(candidates.response, candidates.x, candidates.y)
+        return candidates.x, candidates.y
 
-    def _oriented_key_points(self, candidates: _Candidates) -> np.ndarray:
-        found = self._key_points(candidates)
-        x, y = found['x'] / 2 ** candidates.octave, found['y'] / 2 ** candidates.octave
-        found['angle'] = gradient_orientation(candidates.image, x, y, self.orientation_sigma)
+    def _key_points(self, candidates: list[_Candidates], positions: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+        """Key points of all octaves in one array, without angle."""
+        octave = np.repeat([of_octave.octave for of_octave in candidates], [len(x) for x, _ in positions])
+        scale = 1 << octave
+        found = key_points.empty(len(octave))
+        found['x'] = _joined([x for x, _ in positions]) * scale
+        found['y'] = _joined([y for _, y in positions]) * scale
+        found['size'] = self.window_size * scale
+        found['response'] = _joined([of_octave.strength for of_octave in candidates])
+        found['octave'] = octave
         return found
 
 
@@ -200,8 +202,16 @@ class _Candidates(NamedTuple):
     y: np.ndarray
     strength: np.ndarray    # response at each
 
-    def only(self, indices: np.ndarray) -> _Candidates:
-        return self._replace(x=self.x[indices], y=self.y[indices], strength=self.strength[indices])
+
+def _only(chosen: np.ndarray, candidates: list[_Candidates]) -> list[_Candidates]:
+    """The chosen ones of each octave; the indices count through all octaves."""
+    kept, start = [], 0
+    for of_octave in candidates:
+        end = start + len(of_octave.x)
+        here = chosen if len(candidates) == 1 else chosen[(chosen >= start) & (chosen < end)] - start
+        kept.append(of_octave._replace(x=of_octave.x[here], y=of_octave.y[here], strength=of_octave.strength[here]))
+        start = end
+    return kept
 
 
 class _Scratch(threading.local):

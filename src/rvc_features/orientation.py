@@ -28,8 +28,17 @@ def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma:
     ndarray, float32, shape (N,)
         atan2(I_y, I_x) in degrees, in [0, 360): clockwise from +x as the image is seen. 0 where there is no gradient.
     """
+    return direction(*smoothed_gradient(image, x, y, sigma))
+
+
+def smoothed_gradient(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient of the smoothed image at each point, float64, in x and in y; arguments as above."""
     gradient = kernels.smoothed_gradients if kernels.available() else reference_gradients
-    gradient_x, gradient_y = gradient(image, x, y, sigma)
+    return gradient(image, x, y, sigma)
+
+
+def direction(gradient_x: np.ndarray, gradient_y: np.ndarray) -> np.ndarray:
+    """Direction of gradients in degrees, float32, in [0, 360)."""
     angle = (np.degrees(np.arctan2(gradient_y, gradient_x)) % 360).astype(np.float32)
     angle[angle >= 360] = 0   # what the remainder of a tiny negative angle rounds to
     return angle
