@@ -51,6 +51,7 @@ def reference_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray,
     columns, weights_x, slopes_x = _kernel(x, image.shape[1], radius, sigma)
     rows, weights_y, slopes_y = _kernel(y, image.shape[0], radius, sigma)
     patches = image[rows[:, :, None], columns[:, None, :]].astype(np.float64)
+    patches -= patches[:, radius:radius + 1, radius:radius + 1]   # so that a flat patch has no gradient, exactly
     gradient_x = np.einsum('nyx,ny,nx->n', patches, weights_y, slopes_x)
     gradient_y = np.einsum('nyx,ny,nx->n', patches, slopes_y, weights_x)
     return gradient_x, gradient_y

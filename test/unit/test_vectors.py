@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-numba = pytest.importorskip('numba')
-from rvc_features import vectors  # noqa: E402
-from rvc_features.vectors import LANES, load, splat, store  # noqa: E402
+from rvc_features import kernels
+
+if not kernels.available():
+    pytest.skip('Numba is not installed', allow_module_level=True)
+
+import numba
+
+from rvc_features import vectors
+from rvc_features.vectors import LANES, load, splat, store
 
 random = np.random.default_rng(0)
 TYPES = [np.uint8, np.int16, np.int32, np.float32, np.float64]
