@@ -61,7 +61,7 @@ def available() -> bool:
 def compile_all() -> float:
     """Compile what a detector needs for uint8 images, or load it from Numba's cache; the seconds it took.
 
-    Without this the first frame waits for it: half a minute the first time on a machine, half a second later.
+    Without this the first frame waits for it: some twenty seconds the first time on a machine, half a second later.
     """
     start = time.perf_counter()
     if available():

@@ -9,7 +9,7 @@ according to the processor and their type: LLVM splits them as needed.
 
 Indices count elements from the beginning of a contiguous array of any number of dimensions. Nothing checks them.
 
-Numba's cache does not see that this file has changed: whoever changes it touches kernels.py too.
+Numba's cache does not notice when this file changes, only when kernels.py does: who changes this one touches that one.
 """
 
 from __future__ import annotations
