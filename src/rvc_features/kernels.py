@@ -570,7 +570,7 @@ def _smoothed_gradients(image, x, y, sigma):
         _gaussian_and_slope(x[i] - middle_x, sigma, bell, weights_x, slopes_x)
         _gaussian_and_slope(y[i] - middle_y, sigma, bell, weights_y, slopes_y)
         # Seen from the value in the middle, a flat patch is zero, and its gradient is so exactly.
-        middle = np.float64(image[middle_y, middle_x])
+        middle = np.float64(image[_reflect(middle_y, height), _reflect(middle_x, width)])
         if left >= 0 and left + length <= width and top >= 0 and top + side <= height:
             gradient_x[i], gradient_y[i] = _weighed_patch(image, top * width + left, width, middle, side, weights_x,
                                                           slopes_x, weights_y, slopes_y)
