@@ -411,10 +411,10 @@ def _gaussian_response(image, taps, pixel, weights, harris_k, out, first, last):
             at = done % slots * 3 * length
             for i in range(0, width, LANES):
                 x_gradient, y_gradient = _gradient(rows, above, here, below, i)
-                x_gradient, y_gradient = to_float32(x_gradient), to_float32(y_gradient)
-                store(products, at + i, x_gradient * x_gradient)
-                store(products, at + length + i, x_gradient * y_gradient)
-                store(products, at + 2 * length + i, y_gradient * y_gradient)
+                across, down = to_float32(x_gradient), to_float32(y_gradient)
+                store(products, at + i, across * across)
+                store(products, at + length + i, across * down)
+                store(products, at + 2 * length + i, down * down)
             done += 1
         for j in range(size + 1):
             offsets[j] = _reflect(y - radius + j, height) % slots * 3 * length
@@ -561,7 +561,8 @@ def _smoothed_gradients(image, x, y, sigma):
     side = 2 * radius + 1
     length = (side + LANES - 1) // LANES * LANES
     bell = np.exp(-np.arange(radius + 1) ** 2 / (2 * sigma ** 2))
-    weights_x, slopes_x, weights_y, slopes_y = np.zeros((4, length), np.float64)
+    weights_x, slopes_x = np.zeros(length, np.float64), np.zeros(length, np.float64)
+    weights_y, slopes_y = np.zeros(length, np.float64), np.zeros(length, np.float64)
     patch = np.zeros(side * length, image.dtype)
     gradient_x, gradient_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
     for i in range(len(x)):
