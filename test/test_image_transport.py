@@ -62,6 +62,15 @@ def wait_until(condition, what, patience=PATIENCE):
         time.sleep(0.01)
 
 
+def reading_whole(sock):
+    """A subscriber's connection as rospy makes it, over that socket."""
+    connection = TCPROSTransport(TCPROSSub('/topic', image_messages.Image, buff_size=1000), '/topic')
+    connection.set_socket(sock, 'test')
+    whole_reads.read_whole_messages(SimpleNamespace(impl=SimpleNamespace(
+        add_connection=None, connections=[connection])))
+    return connection
+
+
 class CountingTransport(Transport):
     """A plug-in as a user writes it: counts what it is asked to encode."""
 
@@ -195,10 +204,7 @@ class ImageTransportTest(unittest.TestCase):
         first = 4 + struct.unpack_from('<I', sent)[0]
         for cuts in ([], [1], [4], [5, 6, 7], [first], [first + 2], [first + 4, 50_000], [*range(900, 99_999, 900)]):
             ours, theirs = socket.socketpair()
-            connection = TCPROSTransport(TCPROSSub('/topic', image_messages.Image, buff_size=1000), '/topic')
-            connection.set_socket(ours, 'test')
-            whole_reads.read_whole_messages(SimpleNamespace(impl=SimpleNamespace(
-                add_connection=None, connections=[connection])))
+            connection = reading_whole(ours)
 
             def send(portions=cuts, theirs=theirs):
                 with theirs:
@@ -220,10 +226,7 @@ class ImageTransportTest(unittest.TestCase):
 
     def test_connection_that_ends_within_a_message_is_noticed(self):
         ours, theirs = socket.socketpair()
-        connection = TCPROSTransport(TCPROSSub('/topic', image_messages.Image), '/topic')
-        connection.set_socket(ours, 'test')
-        whole_reads.read_whole_messages(SimpleNamespace(impl=SimpleNamespace(
-            add_connection=None, connections=[connection])))
+        connection = reading_whole(ours)
         with theirs:
             theirs.sendall(struct.pack('<I', 10_000) + bytes(500))
         with contextlib.closing(connection), self.assertRaises(TransportTerminated):

@@ -155,7 +155,7 @@ class HarrisDetector(FeatureDetector):
 
     def _least_of_strongest(self, strength: np.ndarray) -> float:
         """Response of the last of the strongest `number_of_points`, which a further one must exceed; 0 if none must."""
-        if not 0 < self.number_of_points <= len(strength):
+        if self.anms or not self.fixed_number_of_points or not 0 < self.number_of_points <= len(strength):
             return 0.0
         return float(np.partition(strength, -self.number_of_points)[-self.number_of_points])
 

@@ -2,7 +2,7 @@
 
 rospy reads in portions, joins them in a buffer that grows, and copies the message out of it: three copies, and a turn
 of Python's lock for each portion. Here it is one copy and one turn, by the hook that rospy's connections have for how
-messages are read. In a rospy without that hook all stays as it is.
+messages are read.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def read_whole_messages(subscriber: rospy.Subscriber) -> None:
 def _convert(connection: Any) -> None:
     protocol: Any = getattr(connection, 'protocol', None)
     if not hasattr(protocol, 'read_messages'):
-        logging.getLogger('rvc_features').info('%s has no hook for reading: rospy reads in portions', connection)
+        logging.getLogger('rvc_features').warning('%s has no hook for reading: rospy reads in portions', connection)
     elif not isinstance(protocol.read_messages, functools.partial):
         protocol.read_messages = functools.partial(_read_messages, connection, protocol.read_messages)
 
