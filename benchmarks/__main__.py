@@ -29,13 +29,13 @@ def main() -> int:
     import cv2
 
     from benchmarks import harness, images
-    from rvc_features import kernels
+    from rvc_features.kernels import compiler, warm_up
     cv2.setNumThreads(1)
     os.sched_setaffinity(0, {max(os.sched_getaffinity(0))})
     found = harness.surroundings()
     harness.print_surroundings(found)
     print(f'Pictures  {images.source()}')
-    print(f'Kernels   {f"ready after {kernels.compile_all():.1f} s" if kernels.available() else "none: no Numba"}')
+    print(f'Kernels   {f"ready after {warm_up.compile_all():.1f} s" if compiler.available() else "none: no Numba"}')
     reports = []
     for name in names:
         report = importlib.import_module(f'benchmarks.{name}').run(arguments.quick)

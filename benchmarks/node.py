@@ -32,7 +32,7 @@ _SECONDS = 30.0    # to wait for anything at the most
 def run(quick: bool) -> Report:
     report = Report('node', 'Round trip through the node: image in, annotated image out', 'opencv_apps')
     try:
-        from rvc_features.private_master import private_master
+        from rvc_features.demo.private_master import private_master
     except ImportError as error:
         report.notes.append(f'Not run: {error} (it needs ROS; use ./run bench)')
         return report
@@ -48,7 +48,7 @@ def run(quick: bool) -> Report:
 
 def _round_trips(report: Report, master: str, peers: list[str], rounds: int) -> None:
     from benchmarks.raw_ros import ImagePeer, packed, stamp_of
-    from rvc_features.image_messages import to_image_message
+    from rvc_features.image_transport.messages import to_image_message
     with ExitStack() as stack:
         stack.enter_context(_started('rvc_features', 'feature_detector', 'ours', '_fixed_number_of_points:=true'))
         for peer in peers:
@@ -79,7 +79,7 @@ def _age_of_output(report: Report, seconds: float) -> None:
     import rospy
     from sensor_msgs.msg import Image
 
-    from rvc_features.image_messages import to_image_message
+    from rvc_features.image_transport.messages import to_image_message
     ages: list[float] = []
     connected = threading.Event()
 

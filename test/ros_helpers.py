@@ -7,7 +7,7 @@ import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from sensor_msgs.msg import Image
 
-from rvc_features.image_messages import to_image_message
+from rvc_features.image_transport.messages import to_image_message
 
 SECONDS = 20.0   # far more than anything here takes
 

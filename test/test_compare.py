@@ -12,7 +12,7 @@ import rostest
 from ros_helpers import Camera, Inbox, exchange_until, texture
 from sensor_msgs.msg import CompressedImage, Image
 
-from rvc_features.image_messages import to_array
+from rvc_features.image_transport.messages import to_array
 
 COMPILATION = 120.0   # seconds, at the most
 MOSAIC = (2 * (240 + 40) + 10, 2 * 320 + 10, 3)   # of the four default detectors on 320 x 240 pixels

@@ -15,7 +15,7 @@ from sensor_msgs.msg import Image
 
 from rvc_features import detectors
 from rvc_features.drawing import draw_key_points
-from rvc_features.image_messages import to_array
+from rvc_features.image_transport.messages import to_array
 
 CORNERS = {(60, 60), (60, 99), (99, 60), (99, 99)}
 

@@ -40,9 +40,9 @@ import pytest
 from quadrant_images import ENCODINGS, corners, quadrants
 from ros_helpers import Diagnostics, Inbox
 
-from rvc_features import image_messages, image_transport, whole_reads
-from rvc_features.image_messages import to_array, to_image_message, unpack
-from rvc_features.image_transport import ImageTransport, RawTransport, Transport, TransportHints
+from rvc_features import image_transport
+from rvc_features.image_transport import ImageTransport, RawTransport, Transport, TransportHints, messages, whole_reads
+from rvc_features.image_transport.messages import to_array, to_image_message, unpack
 
 JPEG, PNG = (cv2.imencode(kind, quadrants('bgr8'))[1].tobytes() for kind in ('.jpg', '.png'))
 BAD = [('jpeg', b''), ('jpeg', b'\xff\xd8\xff' + bytes(500)), ('jpeg', JPEG[:-100]), ('png', PNG[:-40]),
@@ -64,7 +64,7 @@ def wait_until(condition, what, patience=PATIENCE):
 
 def reading_whole(sock):
     """A subscriber's connection as rospy makes it, over that socket."""
-    connection = TCPROSTransport(TCPROSSub('/topic', image_messages.Image, buff_size=1000), '/topic')
+    connection = TCPROSTransport(TCPROSSub('/topic', messages.Image, buff_size=1000), '/topic')
     connection.set_socket(sock, 'test')
     whole_reads.read_whole_messages(SimpleNamespace(impl=SimpleNamespace(
         add_connection=None, connections=[connection])))
@@ -369,8 +369,8 @@ class ImageTransportTest(unittest.TestCase):
         self.addCleanup(again.unregister)
         wait_until(lambda: publisher.get_num_subscribers() == 3, 'two more connected')
         publisher.publish_array(quadrants('bgr8'), 'bgr8')
-        for messages in (raw, counted, other):
-            messages.get(timeout=PATIENCE)
+        for inbox in (raw, counted, other):
+            inbox.get(timeout=PATIENCE)
         assert len(CountingTransport.encoded) == 1
 
     def test_latched_image_for_whoever_comes_late(self):
@@ -458,9 +458,9 @@ class ImageTransportTest(unittest.TestCase):
                             for topic in ('/recorded', '/recorded/compressed')}
         assert topics['/recorded'].msg_type == 'sensor_msgs/Image'
         assert '/recorded/compressed/parameter_descriptions' in topics
-        for messages in recorded.values():
-            assert 10 < len(messages) <= published
-            for message in messages:
+        for recording in recorded.values():
+            assert 10 < len(recording) <= published
+            for message in recording:
                 np.testing.assert_allclose(corners(to_array(message)), corners(quadrants('bgr8')), atol=3)
         assert publisher.errors == 0
 

@@ -20,9 +20,9 @@ from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import Image
 
 from rvc_features import detectors
-from rvc_features.bags import BagImages
-from rvc_features.image_messages import to_array
-from rvc_features.image_sources import SourceError
+from rvc_features.image_transport.messages import to_array
+from rvc_features.recordings.bags import BagImages
+from rvc_features.recordings.image_sources import SourceError
 
 CALIBRATION = {
     'image_width': 320, 'image_height': 240, 'distortion_model': 'plumb_bob',

@@ -1,13 +1,13 @@
-"""Key point detection: a detector half that knows no ROS, and a ROS half that knows no image mathematics.
+"""Key point detection: what the exercise sheet teaches lies here, at the top; rooms hold the rest.
 
-Detector half (OpenCV, NumPy, and Numba where it is installed)
-    detectors: the registry, the way in. feature_detector: the interface; harris_detector and opencv_detectors: what
-    is behind it. response, maxima, filters, orientation: the steps of Harris; kernels, and vectors below them: their
-    fast twins. key_points, drawing, parameters: what all detectors share. image_sources: frames from files and videos.
-    comparison: the workbench. What the node needs but ROS doesn't: detector_config, newest_worker, node_statistics,
-    heap.
-ROS half
-    feature_detector_node: the node; compare_node: detectors side by side. image_transport, image_messages, republish,
-    lazy_input, whole_reads: images in and out. reconfigure: parameters while running. bags, make_bag: bags. demo,
-    private_master. spin: how nodes run.
+Top (OpenCV and NumPy, in the order of the sheet)
+    detectors: the registry, the way in. feature_detector: the interface. harris_detector: our own; opencv_detectors:
+    the others. response, maxima, filters, orientation: the steps of Harris. key_points, drawing, parameters: what all
+    detectors share. Beside them, for rooms that need it: heap (memory), reconfigure (safe sliders, ROS).
+Rooms
+    kernels: the compiled twins of the steps. image_transport: images in and out over topics. nodes: the nodes, the
+    only room that knows both detectors and ROS. recordings: files, videos, bags. comparison: the workbench. demo.
+
+Imports go one way: nodes, comparison, demo -> recordings -> image_transport; all of them -> the top; the top ->
+kernels. docs/architecture.md says more, and a test holds it.
 """

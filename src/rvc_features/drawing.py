@@ -8,7 +8,8 @@ from typing import Iterator
 import cv2
 import numpy as np
 
-from rvc_features import kernels
+from rvc_features.kernels import compiler
+from rvc_features.kernels import drawing as compiled
 from rvc_features.key_points import KeyPoints, as_array
 
 # BGR, one per octave, starting over after the last; told apart also by people who see red and green alike.
@@ -42,7 +43,7 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
         picture[:] = image
 
     points = as_array(key_points)
-    draw = kernels.stamp if kernels.available() else reference_stamp
+    draw = compiled.stamp if compiler.available() else reference_stamp
     for octave, size, here in _by_octave_and_size(points):
         colour = OCTAVE_COLOURS[octave % len(OCTAVE_COLOURS)]
         radius = max(size / 2, _LEAST_RADIUS)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rvc_features import kernels
+from rvc_features.kernels import compiler, sorting, suppression
 from rvc_features.parameters import Integer, Real, check
 
 
@@ -77,8 +77,9 @@ def suppression_radii(points: np.ndarray, responses: np.ndarray, robustness: flo
     Where only the `count` largest radii matter, the others may come out larger than they are, yet stay below those.
     """
     stronger = significantly_stronger(responses, robustness)
-    if kernels.available():
-        return kernels.suppression_radii(points, stronger, len(points) if count is None else min(count, len(points)))
+    if compiler.available():
+        exact = len(points) if count is None else min(count, len(points))
+        return suppression.suppression_radii(points, stronger, exact)
     return reference_radii(points, stronger)
 
 
@@ -93,8 +94,8 @@ def reference_radii(points: np.ndarray, stronger: np.ndarray) -> np.ndarray:
 
 def significantly_stronger(responses: np.ndarray, robustness: float) -> np.ndarray:
     """For responses that fall from the first to the last: how many of the first ones are significantly stronger."""
-    if kernels.available():
-        return kernels.significantly_stronger(responses, robustness)
+    if compiler.available():
+        return suppression.significantly_stronger(responses, robustness)
     return reference_stronger(responses, robustness)
 
 
@@ -119,7 +120,12 @@ _MANY = 1500   # values; fewer are sorted as fast without
 
 
 def _strongest_first(responses: np.ndarray) -> np.ndarray:
-    return kernels.strongest_first(responses) if kernels.available() else np.argsort(-responses, kind='stable')
+    return sorting.strongest_first(responses) if compiler.available() else reference_order(responses)
+
+
+def reference_order(responses: np.ndarray) -> np.ndarray:
+    """Indices from the largest response to the least, of equals the lower first."""
+    return np.argsort(-responses, kind='stable')
 
 
 def _checked_candidates(points: np.ndarray, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

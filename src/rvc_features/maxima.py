@@ -5,7 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from rvc_features import kernels
+from rvc_features.kernels import compiler
+from rvc_features.kernels import maxima as compiled
 
 # The eight neighbours of a pixel, split into those before and those after it in reading order.
 _BEFORE = np.array([[1, 1, 1], [1, 0, 0], [0, 0, 0]], np.uint8)
@@ -29,8 +30,8 @@ def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.n
     x, y : ndarray, int64, shape (N,)
         In reading order.
     """
-    if kernels.available():
-        return kernels.local_maxima(response, minimum)
+    if compiler.available():
+        return compiled.local_maxima(response, minimum)
     return reference_local_maxima(response, minimum)
 
 
@@ -65,8 +66,8 @@ def refine(response: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarr
     -------
     x, y : ndarray, float64, shape (N,)
     """
-    if kernels.available():
-        return kernels.refine(response, x, y)
+    if compiler.available():
+        return compiled.refine(response, x, y)
     return reference_refine(response, x, y)
 
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from rvc_features import kernels
+from rvc_features.kernels import compiler
+from rvc_features.kernels import orientation as compiled
 
 
 def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> np.ndarray:
@@ -33,7 +34,7 @@ def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma:
 
 def smoothed_gradient(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
     """Gradient of the smoothed image at each point, float64, in x and in y; arguments as above."""
-    gradient = kernels.smoothed_gradients if kernels.available() else reference_gradients
+    gradient = compiled.smoothed_gradients if compiler.available() else reference_gradients
     return gradient(image, x, y, sigma)
 
 

@@ -1,18 +1,14 @@
-"""A dynamic_reconfigure server that no request can break, and that also shows detectors from other packages."""
+"""A dynamic_reconfigure server that no request can break. It knows parameters, not detectors."""
 
 from __future__ import annotations
 
-import ast
-import copy
 import traceback
-from types import SimpleNamespace
 from typing import Any, Callable
 
 import rospy
 from dynamic_reconfigure.encoding import decode_config, encode_config, extract_params
 from dynamic_reconfigure.server import Server
 
-from rvc_features import detector_config, detectors, parameters
 from rvc_features.parameters import Flag, Integer, Real, Specification
 
 
@@ -27,7 +23,7 @@ class ReconfigureServer(Server):
     Parameters
     ----------
     config_type : module
-        Generated from a .cfg file, or made by `with_detectors`.
+        Generated from a .cfg file, or made like one.
     callback : callable
         Takes (config, level) and returns the configuration that is now in force.
     namespace : str
@@ -36,7 +32,7 @@ class ReconfigureServer(Server):
         Takes a sentence for each value that is refused; default: a warning in the log.
     settle : callable, optional
         Takes (config, previous), makes the values in `config` sane by knowledge beyond types and ranges, and returns
-        a sentence for each that it refused; see `detector_config.settle`.
+        a sentence for each that it refused; as `nodes.detector_config.settle` does.
     """
 
     def __init__(self, config_type: Any, callback: Callable[[Any, int], Any], namespace: str = '',
@@ -83,36 +79,6 @@ class ReconfigureServer(Server):
         return encode_config(self.update_configuration(decode_config(request.config)))
 
 
-def with_detectors(config_type: Any) -> SimpleNamespace:
-    """A copy of the generated configuration with the detectors it doesn't know: an enum entry and parameters for each.
-
-    Detectors that register themselves from other packages become selectable that way, with sliders of their own.
-    """
-    extended = SimpleNamespace(**{name: copy.deepcopy(getattr(config_type, name))
-                                  for name in ('config_description', 'defaults', 'min', 'max', 'level', 'type')})
-    entries = extended.config_description['parameters']
-    selector = next(entry for entry in entries if entry['name'] == 'detector')
-    enum = ast.literal_eval(selector['edit_method'])
-    listed = [constant['value'] for constant in enum['enum']]
-    for name in detectors.names():
-        if name in listed:
-            continue
-        detector = detectors.get(name)
-        enum['enum'].append({**enum['enum'][0], 'name': name, 'value': name, 'description': detector.__module__})
-        defaults = parameters.defaults(detector)
-        for field, specification in parameters.specifications(detector).items():
-            entry = detector_config.key(name, field)
-            if entry in extended.defaults:
-                continue
-            kind, low, high = _slider(specification)
-            extended.defaults[entry], extended.min[entry], extended.max[entry] = defaults[field], low, high
-            extended.type[entry], extended.level[entry] = kind, 1
-            entries.append({**selector, 'name': entry, 'type': kind, 'default': defaults[field], 'min': low,
-                            'max': high, 'description': f'{name}: {specification.description}', 'edit_method': ''})
-    selector['edit_method'] = repr(enum)
-    return extended
-
-
 class _Text(Specification):
     """Any string: the choices of an enum are checked by those who know them."""
 
@@ -132,12 +98,3 @@ def _specification(config_type: Any, entry: dict[str, Any]) -> Specification:
         return _Text(text)
     limits = config_type.min[name], config_type.max[name]
     return Integer(text, *limits) if kind == 'int' else Real(text, *limits)
-
-
-def _slider(specification: Specification) -> tuple[str, Any, Any]:
-    """Type, least and greatest value of a parameter as dynamic_reconfigure has them."""
-    if isinstance(specification, Integer):
-        return 'int', specification.low, 0x7FFFFFFF if specification.high is None else specification.high
-    if isinstance(specification, Real):
-        return 'double', specification.low, specification.high
-    return ('bool', False, True) if isinstance(specification, Flag) else ('str', '', '')

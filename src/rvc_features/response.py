@@ -11,7 +11,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from rvc_features import kernels
+from rvc_features.kernels import compiler
+from rvc_features.kernels import response as compiled
 from rvc_features.parameters import Choice, Integer, Real, check
 
 WINDOW_SIZE = Integer('Side of the window that is averaged over, in pixels; odd.', 3, odd=True)
@@ -77,7 +78,7 @@ def response_and_maximum(image: np.ndarray, window_size: int, window: str, harri
     if not _fits_kernel(image, window_size):
         response = reference_response(image, window_size, window, harris_k, derivative_sigma)
         return response, float(response.max())
-    return kernels.response(image, window_size, window, harris_k, derivative_sigma, out)
+    return compiled.response(image, window_size, window, harris_k, derivative_sigma, out)
 
 
 def reference_response(image: np.ndarray, window_size: int, window: str, harris_k: float,
@@ -116,8 +117,8 @@ def gaussian_window_sigma(window_size: int) -> float:
 def _fits_kernel(image: np.ndarray, window_size: int) -> bool:
     # Single precision is too little beside the largest |H| where H may nearly cancel at every pixel: in tiny images,
     # and where the window is as large as the image.
-    return (image.size >= _LEAST_PIXELS and image.shape[1] >= kernels.LEAST_WIDTH
-            and window_size <= min(kernels.LARGEST_BOX, *image.shape) and kernels.available())
+    return (image.size >= _LEAST_PIXELS and image.shape[1] >= compiler.LEAST_WIDTH
+            and window_size <= min(compiled.LARGEST_BOX, *image.shape) and compiler.available())
 
 
 _LEAST_PIXELS = 1024

@@ -8,7 +8,7 @@ from conftest import texture
 from rvc_features.comparison import datasets, warps
 from rvc_features.comparison.datasets import FRAMES, SEQUENCE, Options, open_inputs
 from rvc_features.comparison.homographies import HomographyError, project
-from rvc_features.image_sources import SourceError
+from rvc_features.recordings.image_sources import SourceError
 
 SHIFT = '1 0 4\n0 1 -3\n0 0 1\n'
 

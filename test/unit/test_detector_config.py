@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from rvc_features import detector_config, detectors, parameters
+from rvc_features import detectors, parameters
+from rvc_features.nodes import detector_config
 
 CFG = Path(__file__).resolve().parents[2] / 'cfg' / 'FeatureDetectorConfig.cfg'
 FIXED = ['detector', 'window_size', 'window', 'threshold', 'fixed_number_of_points', 'number_of_points', 'octaves',

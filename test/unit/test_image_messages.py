@@ -14,7 +14,9 @@ from quadrant_images import COLOURS, ENCODINGS, GREYS, SHAPE, centres, corners, 
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')   # needs ROS's messages, though no master
 std_msgs = pytest.importorskip('std_msgs.msg')
 
-from rvc_features.image_messages import Image, ImageError, to_array, to_compressed_message, to_image_message, unpack  # noqa: E402
+from rvc_features.image_transport.compressed import to_compressed_message  # noqa: E402
+from rvc_features.image_transport.encodings import ImageError  # noqa: E402
+from rvc_features.image_transport.messages import Image, to_array, to_image_message, unpack  # noqa: E402
 
 HEADER = std_msgs.Header(7, None, 'camera')
 

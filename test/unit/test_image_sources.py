@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from conftest import texture
 
-from rvc_features.image_sources import SourceError, Video, open_source, read_image
+from rvc_features.recordings.image_sources import SourceError, Video, open_source, read_image
 
 
 def write(path, image):

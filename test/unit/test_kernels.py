@@ -16,9 +16,14 @@ from conftest import texture
 
 from rvc_features import drawing, filters, kernels, maxima, orientation
 from rvc_features.harris_detector import HarrisDetector
+from rvc_features.kernels import compiler, sorting, suppression
+from rvc_features.kernels import drawing as compiled_drawing
+from rvc_features.kernels import maxima as compiled_maxima
+from rvc_features.kernels import orientation as compiled_orientation
+from rvc_features.kernels import response as compiled_response
 from rvc_features.response import harris_response, reference_response, response_and_maximum
 
-compiled = pytest.mark.skipif(not kernels.available(), reason='Numba is not installed')
+compiled = pytest.mark.skipif(not compiler.available(), reason='Numba is not installed')
 
 random = np.random.default_rng(0)
 ALL_WINDOWS = range(3, 33, 2)
@@ -49,7 +54,7 @@ def test_response_kernel_equals_reference(shape, window, derivative_sigma):
     for _, image in images(shape):
         for window_size in ALL_WINDOWS if shape == (40, 200) else (3, 9, 31):
             expected = reference_response(image, window_size, window, 0.04, derivative_sigma)
-            response, largest = kernels.response(image, window_size, window, 0.04, derivative_sigma)
+            response, largest = compiled_response.response(image, window_size, window, 0.04, derivative_sigma)
             assert_equal_response(response, expected)
             assert largest == response.max()
 
@@ -59,7 +64,7 @@ def in_bands(monkeypatch):
     """Every image in three bands of rows, however small it is."""
     threads = cv2.getNumThreads()
     cv2.setNumThreads(3)
-    monkeypatch.setattr(kernels, '_LEAST_BAND', 1)
+    monkeypatch.setattr(compiler, '_LEAST_BAND', 1)
     yield
     cv2.setNumThreads(threads)
 
@@ -72,26 +77,26 @@ def test_bands_of_rows_make_no_difference(in_bands, window, derivative_sigma):
         for _, image in images(shape):
             for window_size in (3, 9, 31):
                 expected = reference_response(image, window_size, window, 0.04, derivative_sigma)
-                response, largest = kernels.response(image, window_size, window, 0.04, derivative_sigma)
+                response, largest = compiled_response.response(image, window_size, window, 0.04, derivative_sigma)
                 assert_equal_response(response, expected)
                 assert largest == response.max()
-                found = kernels.local_maxima(response, 0.0)
+                found = compiled_maxima.local_maxima(response, 0.0)
                 assert np.array_equal(found, maxima.reference_local_maxima(response, 0.0))
 
 
 @compiled
 def test_too_narrow_for_the_kernel_is_an_error():
     with pytest.raises(ValueError, match='at least 18 pixels wide; got 17'):
-        kernels.response(np.zeros((100, 17), np.uint8), 3, 'box', 0.04)
+        compiled_response.response(np.zeros((100, 17), np.uint8), 3, 'box', 0.04)
 
 
 @compiled
 @pytest.mark.skipif(not hasattr(os, 'fork'), reason='no fork on this system')
 def test_a_forked_process_has_threads_of_its_own(in_bands):
     image = texture((90, 120))
-    expected, _ = kernels.response(image, 5, 'gaussian', 0.04)
+    expected, _ = compiled_response.response(image, 5, 'gaussian', 0.04)
     with multiprocessing.get_context('fork').Pool(1) as pool:
-        response, _ = pool.apply_async(kernels.response, (image, 5, 'gaussian', 0.04)).get(60)
+        response, _ = pool.apply_async(compiled_response.response, (image, 5, 'gaussian', 0.04)).get(60)
     assert np.array_equal(response, expected)
 
 
@@ -99,7 +104,7 @@ def test_a_forked_process_has_threads_of_its_own(in_bands):
 @pytest.mark.parametrize('window_size', [33, 45])
 def test_widest_boxes_of_the_kernel_do_not_overflow(window_size):
     columns = np.indices((60, 80))[1] // 2 % 2 * 255   # the steepest gradients there are, everywhere
-    response, _ = kernels.response(columns.astype(np.uint8), window_size, 'box', 0.04)
+    response, _ = compiled_response.response(columns.astype(np.uint8), window_size, 'box', 0.04)
     assert_equal_response(response, reference_response(columns.astype(np.uint8), window_size, 'box', 0.04, 0.0))
 
 
@@ -117,7 +122,7 @@ def test_windows_beyond_the_kernel(shape, window_size, window):
 def test_edge_without_trace_term_has_no_response_inside():
     """A C - B^2 cancels on a straight edge: in single precision something would be left over."""
     image = np.tril(np.full((64, 64), 255, np.uint8))
-    response, _ = kernels.response(image, 5, 'box', 0.0)
+    response, _ = compiled_response.response(image, 5, 'box', 0.0)
     assert not response[20:44, 20:44].any()
 
 
@@ -145,9 +150,9 @@ def test_maxima_kernels_equal_reference(shape):
     for response in (random.normal(0, 1, shape), random.integers(0, 4, shape), np.ones(shape)):
         response = response.astype(np.float32)
         for minimum in (-5.0, 0.5, 2.0):
-            found = kernels.local_maxima(response, minimum)
+            found = compiled_maxima.local_maxima(response, minimum)
             assert np.array_equal(found, maxima.reference_local_maxima(response, minimum))
-            assert np.array_equal(kernels.refine(response, *found), maxima.reference_refine(response, *found))
+            assert np.array_equal(compiled_maxima.refine(response, *found), maxima.reference_refine(response, *found))
 
 
 @compiled
@@ -155,7 +160,7 @@ def test_maxima_kernels_equal_reference(shape):
 def test_orientation_kernel_equals_reference(sigma):
     image = texture((50, 60))
     x, y = random.uniform(0, 59, 200), random.uniform(0, 49, 200)
-    gradients = np.array(kernels.smoothed_gradients(image, x, y, sigma))
+    gradients = np.array(compiled_orientation.smoothed_gradients(image, x, y, sigma))
     expected = np.array(orientation.reference_gradients(image, x, y, sigma))
     assert np.abs(gradients - expected).max() <= 1e-9 * np.abs(expected).max()
 
@@ -170,7 +175,7 @@ def test_drawing_kernel_equals_reference(radius):
     ring_x, ring_y = random.integers(-9, 10, (2, 20))
     for count in (90, 1):
         pictures = np.zeros((2, 40, 60, 3), np.uint8)
-        for picture, stamp in zip(pictures, (drawing.reference_stamp, kernels.stamp)):
+        for picture, stamp in zip(pictures, (drawing.reference_stamp, compiled_drawing.stamp)):
             stamp(picture, x[-count:], y[-count:], angle[-count:], ring_x, ring_y, radius, (1, 2, 3))
         assert pictures[0].any()
         assert np.array_equal(pictures[0], pictures[1])
@@ -203,14 +208,14 @@ def test_suppression_kernel_equals_reference(count, robustness):
         for responses in (random.exponential(100, count), random.integers(1, 9, count) * 1.0, np.ones(count),
                           np.geomspace(1e6, 1, count), -random.exponential(1, count)):
             order = np.argsort(-responses, kind='stable')
-            assert np.array_equal(kernels.strongest_first(responses), order)
+            assert np.array_equal(sorting.strongest_first(responses), order)
             single = responses.astype(np.float32)
-            assert np.array_equal(kernels.strongest_first(single), np.argsort(-single, kind='stable'))
+            assert np.array_equal(sorting.strongest_first(single), np.argsort(-single, kind='stable'))
             falling = responses[order]
             stronger = filters.reference_stronger(falling, robustness)
-            assert np.array_equal(kernels.significantly_stronger(falling, robustness), stronger)
+            assert np.array_equal(suppression.significantly_stronger(falling, robustness), stronger)
             radii = filters.reference_radii(points[order], stronger)
-            assert np.array_equal(kernels.suppression_radii(points[order], stronger, count), radii), name
+            assert np.array_equal(suppression.suppression_radii(points[order], stronger, count), radii), name
             for chosen in (1, 5, count // 2):
                 expected = order[np.argsort(-radii, kind='stable')[:chosen]]
                 found = filters.adaptive_non_maximal_suppression(points, responses, chosen, robustness)
@@ -220,7 +225,7 @@ def test_suppression_kernel_equals_reference(count, robustness):
 @compiled
 def test_sorting_kernel_takes_any_double():
     values = np.array([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1.0, 1.0, -1.0] * 20)
-    assert np.array_equal(kernels.strongest_first(values), np.argsort(-values, kind='stable'))
+    assert np.array_equal(sorting.strongest_first(values), filters.reference_order(values))
 
 
 def test_one_detector_in_many_threads():
@@ -247,18 +252,18 @@ DETECT = '''
     import logging, sys
     logging.basicConfig(format='%(name)s %(levelname)s %(message)s', stream=sys.stdout)
     import numpy as np
-    from rvc_features import kernels
+    from rvc_features.kernels import compiler, warm_up
     from rvc_features.harris_detector import HarrisDetector
     image = np.kron(np.random.default_rng(0).integers(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8)
     for options in ({}, {'anms': True, 'anms_points': 40}, {'octaves': 2, 'fixed_number_of_points': True}):
         found = HarrisDetector(**options).detect_arrays(image)
         print(np.column_stack((found['x'], found['y'], found['angle'])).tolist())
-    print('available', kernels.available(), kernels.compile_all() >= 0)
+    print('available', compiler.available(), warm_up.compile_all() >= 0)
 '''
 
 
 def run(code, **environment):
-    source = str(Path(kernels.__file__).parents[1])
+    source = str(Path(kernels.__file__).parents[2])
     result = subprocess.run([sys.executable, '-c', textwrap.dedent(code)], stdout=subprocess.PIPE,
                             env={**os.environ, 'PYTHONPATH': source, **environment}, check=True)
     return result.stdout.decode().splitlines()
@@ -269,7 +274,7 @@ def test_without_numba_the_same_points_and_one_line_in_the_log():
     assert without[0].startswith('rvc_features WARNING Without Numba')
     assert sum('Numba' in line for line in without) == 1
     assert without[-1] == 'available False True'
-    if kernels.available():
+    if compiler.available():
         for line, expected in zip(run(DETECT)[:-1], without[1:-1]):
             assert np.allclose(json.loads(line), json.loads(expected), atol=0.01)
 

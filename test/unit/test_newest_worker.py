@@ -2,7 +2,7 @@
 
 import threading
 
-from rvc_features.newest_worker import NewestWorker
+from rvc_features.nodes.newest_worker import NewestWorker
 
 SECONDS = 10   # far more than any of this takes
 

@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from rvc_features import kernels
+from rvc_features.kernels import compiler
 
-if not kernels.available():
+if not compiler.available():
     pytest.skip('Numba is not installed', allow_module_level=True)
 
 import numba
 
-from rvc_features import vectors
-from rvc_features.vectors import LANES, load, splat, store
+from rvc_features.kernels import vectors
+from rvc_features.kernels.vectors import LANES, load, splat, store
 
 random = np.random.default_rng(0)
 TYPES = [np.uint8, np.int16, np.int32, np.float32, np.float64]

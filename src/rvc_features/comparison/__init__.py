@@ -10,5 +10,5 @@
     summary     results of pairs gathered into tables, with confidence intervals
     charts, pictures, report   the page
     command     the command line
-    live        the same side by side on images as they come; the node is rvc_features.compare_node
+    live        the same side by side on images as they come; the node is rvc_features.nodes.compare_node
 """

@@ -18,7 +18,7 @@ from rvc_features.comparison.contestants import ContestantError
 from rvc_features.comparison.datasets import Dataset, Options
 from rvc_features.comparison.pair_task import Settings
 from rvc_features.comparison.runner import DaskError, Progress, Store
-from rvc_features.image_sources import SourceError
+from rvc_features.recordings.image_sources import SourceError
 
 FAILED = 1
 BAD_INPUT = 2          # exit status, as argparse's own

@@ -17,10 +17,18 @@ import numpy as np
 
 from rvc_features.comparison import homographies, warps
 from rvc_features.feature_detector import as_grey
-from rvc_features.image_sources import Frame, ImageFiles, SourceError, Video, is_image, natural_order, read_image
+from rvc_features.recordings.image_sources import (
+    Frame,
+    ImageFiles,
+    SourceError,
+    Video,
+    is_image,
+    natural_order,
+    read_image,
+)
 
 if TYPE_CHECKING:
-    from rvc_features.bags import BagImages
+    from rvc_features.recordings.bags import BagImages
 
 SEQUENCE, SYNTHETIC, FRAMES = 'sequence', 'synthetic', 'frames'
 KINDS = 'auto', 'sequence', 'images', 'video', 'bag'
@@ -284,7 +292,7 @@ def _video(path: str, options: Options) -> Dataset:
 
 def _bag(path: str, options: Options) -> Dataset:
     try:
-        from rvc_features.bags import BagImages  # here, for all other inputs work without ROS
+        from rvc_features.recordings.bags import BagImages  # here, for all other inputs work without ROS
     except ImportError as error:
         raise SourceError(f'{path}: reading bags needs ROS ({error}); {ACCEPTED}') from None
     source = BagImages(path, options.topic or None)

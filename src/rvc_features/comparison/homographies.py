@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from rvc_features.image_sources import SourceError
+from rvc_features.recordings.image_sources import SourceError
 
 ACCEPTED = ('a homography file holds three lines of three numbers, or is an OpenCV XML file with one 3x3 matrix; '
             'the matrix must be finite and invertible')

@@ -1,4 +1,4 @@
-"""Detectors side by side on images as they come. (No ROS here; the node is rvc_features.compare_node.)"""
+"""Detectors side by side on images as they come. (No ROS here; the node is rvc_features.nodes.compare_node.)"""
 
 from __future__ import annotations
 

@@ -41,19 +41,23 @@ from diagnostic_msgs.msg import DiagnosticStatus
 from diagnostic_updater import Updater
 from sensor_msgs.msg import Image
 
-from rvc_features import detector_config, kernels, key_points
+from rvc_features import key_points
 from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
 from rvc_features.heap import keep_large_blocks
-from rvc_features.image_messages import ImageError, to_array, to_image_message
 from rvc_features.image_transport import ImageTransport, Subscriber, known_transport
-from rvc_features.lazy_input import LazyInput
+from rvc_features.image_transport.encodings import ImageError
+from rvc_features.image_transport.messages import to_array, to_image_message
+from rvc_features.kernels import warm_up
 from rvc_features.msg import KeyPoints
-from rvc_features.newest_worker import NewestWorker
-from rvc_features.node_statistics import NodeStatistics
-from rvc_features.reconfigure import ReconfigureServer, with_detectors
-from rvc_features.spin import spin
+from rvc_features.nodes import detector_config
+from rvc_features.nodes.lazy_input import LazyInput
+from rvc_features.nodes.newest_worker import NewestWorker
+from rvc_features.nodes.sliders import with_detectors
+from rvc_features.nodes.spin import spin
+from rvc_features.nodes.statistics import NodeStatistics
+from rvc_features.reconfigure import ReconfigureServer
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 _REPORT_PERIOD = 1.0    # seconds between two diagnostic messages
@@ -65,7 +69,7 @@ class FeatureDetectorNode:
 
     def __init__(self) -> None:
         rospy.loginfo('compiling or loading the detector\'s hot loops: some twenty seconds the first time on a machine')
-        rospy.loginfo('... took %.1f s', kernels.compile_all())
+        rospy.loginfo('... took %.1f s', warm_up.compile_all())
         self.statistics = NodeStatistics()
         self._import_detectors(rospy.get_param('~detector_modules', []))
         config_type = with_detectors(FeatureDetectorConfig)

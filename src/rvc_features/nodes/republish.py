@@ -16,8 +16,8 @@ import argparse
 import rospy
 
 from rvc_features.image_transport import TRANSPORTS, ImageTransport, TransportHints
-from rvc_features.lazy_input import LazyInput
-from rvc_features.spin import spin
+from rvc_features.nodes.lazy_input import LazyInput
+from rvc_features.nodes.spin import spin
 
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 

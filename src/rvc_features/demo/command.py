@@ -29,13 +29,13 @@ from dynamic_reconfigure.client import Client
 from sensor_msgs.msg import Image
 from std_srvs.srv import SetBool
 
-from rvc_features.bags import BagImages
-from rvc_features.image_messages import to_array
-from rvc_features.image_sources import ImageFiles, SourceError, Video
+from rvc_features.demo.private_master import private_master
 from rvc_features.image_transport import ImageTransport, TransportHints
-from rvc_features.make_bag import make_bag
+from rvc_features.image_transport.messages import to_array
 from rvc_features.msg import KeyPoints
-from rvc_features.private_master import private_master
+from rvc_features.recordings.bags import BagImages
+from rvc_features.recordings.image_sources import ImageFiles, SourceError, Video
+from rvc_features.recordings.make_bag import make_bag
 
 # What is shown, in order; each setting starts from the node's defaults.
 SETTINGS: tuple[tuple[str, dict[str, Any]], ...] = (

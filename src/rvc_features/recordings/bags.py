@@ -7,8 +7,9 @@ from typing import Iterator
 
 import rosbag
 
-from rvc_features.image_messages import ImageError, to_array
-from rvc_features.image_sources import Frame, SourceError
+from rvc_features.image_transport.encodings import ImageError
+from rvc_features.image_transport.messages import to_array
+from rvc_features.recordings.image_sources import Frame, SourceError
 
 IMAGE_TYPES = ('sensor_msgs/Image', 'sensor_msgs/CompressedImage')
 

@@ -21,8 +21,8 @@ from sensor_msgs.msg import CameraInfo
 from std_msgs.msg import Header
 from tqdm import tqdm
 
-from rvc_features.image_messages import to_image_message
-from rvc_features.image_sources import ImageFiles, SourceError, Video, open_source
+from rvc_features.image_transport.messages import to_image_message
+from rvc_features.recordings.image_sources import ImageFiles, SourceError, Video, open_source
 
 DEFAULT_RATE = 10.0   # Hz, where the source has none of its own
 

@@ -9,7 +9,8 @@ according to the processor and their type: LLVM splits them as needed.
 
 Indices count elements from the beginning of a contiguous array of any number of dimensions. Nothing checks them.
 
-Numba's cache does not notice when this file changes, only when kernels.py does: who changes this one touches that one.
+Numba's cache notices only when the file of the kernel itself changes: who changes this one touches the others, or
+empties the cache, as `./run` does.
 """
 
 from __future__ import annotations

@@ -37,11 +37,12 @@ import rospy
 from rvc_features.comparison import live
 from rvc_features.comparison.contestants import ContestantError
 from rvc_features.heap import keep_large_blocks
-from rvc_features.image_messages import ImageError, to_array
 from rvc_features.image_transport import ImageTransport, known_transport
-from rvc_features.lazy_input import LazyInput
-from rvc_features.newest_worker import NewestWorker
-from rvc_features.spin import spin
+from rvc_features.image_transport.encodings import ImageError
+from rvc_features.image_transport.messages import to_array
+from rvc_features.nodes.lazy_input import LazyInput
+from rvc_features.nodes.newest_worker import NewestWorker
+from rvc_features.nodes.spin import spin
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 _PATIENCE = 1.0         # seconds until the node notices that it has been told to end

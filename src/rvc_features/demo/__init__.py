@@ -1,0 +1,1 @@
+"""The demo: real frames through the node, headless, with a report."""

@@ -1,0 +1,134 @@
+"""Images as messages and as arrays: the way from the one to the other, with every message checked."""
+
+from __future__ import annotations
+
+import struct
+import sys
+from typing import Any
+
+import genpy
+import numpy as np
+import sensor_msgs.msg
+from std_msgs.msg import Header
+
+from rvc_features.image_transport.compressed import decompressed
+from rvc_features.image_transport.encodings import YUV, ImageError, buffer, converted, fitting, layout
+
+
+def to_array(message: Any, encoding: str = 'bgr8', writable: bool = False) -> np.ndarray:
+    """The pixels of an image message.
+
+    Parameters
+    ----------
+    message : sensor_msgs/Image or sensor_msgs/CompressedImage
+    encoding : {'bgr8', 'mono8', 'passthrough'}
+        What to convert to; 'passthrough' leaves the pixels as they are (`unpack` also tells how that is).
+    writable : bool
+        Whether the caller is going to draw on the result.
+
+    Returns
+    -------
+    ndarray, shape (H, W) or (H, W, channels), in the machine's byte order and with rows next to each other
+        For 'bgr8' and 'mono8' of dtype uint8. Where nothing had to be converted it is a view of the message's data,
+        read-only as a rule; `writable=True` makes a copy in that case.
+
+    Raises
+    ------
+    ImageError
+        When anything about the message is wrong or unknown.
+
+    Notes
+    -----
+    16-bit grey, colour and Bayer images keep their upper 8 bits. Other types (16UC1, 32FC1, ...) have no agreed white;
+    they are stretched: the least valid value becomes 1, the greatest 255, and what is not valid 0. NaN and infinity
+    are not valid, nor is 0 in integer types, which in a depth image says that nothing was measured (REP 118).
+    """
+    if encoding not in ('bgr8', 'mono8', 'passthrough'):
+        raise ValueError(f'encoding must be bgr8, mono8 or passthrough; got {encoding!r}')
+    array, stored = decompressed(message, encoding) if hasattr(message, 'format') else _view(message)
+    if encoding != 'passthrough':
+        array = converted(array, stored, encoding)
+    return array.copy() if writable and not array.flags.writeable else array
+
+
+def unpack(message: Any) -> tuple[np.ndarray, str]:
+    """The pixels of an image message as they are, and their encoding; otherwise as `to_array`."""
+    return decompressed(message, 'passthrough') if hasattr(message, 'format') else _view(message)
+
+
+def to_image_message(array: np.ndarray, encoding: str, header: Header | None = None) -> Image:
+    """An image message of an array, without a copy where rows lie next to each other.
+
+    Parameters
+    ----------
+    array : ndarray, shape (H, W) or (H, W, channels)
+        Of the type and channels that the encoding says.
+    encoding : str
+        One of sensor_msgs/image_encodings.h.
+    header : std_msgs/Header, optional
+
+    Raises
+    ------
+    ImageError
+        When array and encoding do not belong together.
+    """
+    array = fitting(array, encoding)
+    height, width = array.shape[:2]
+    return Image(Header() if header is None else header, height, width, encoding, int(sys.byteorder == 'big'),
+                 array.nbytes // height, array.data.cast('B'))
+
+
+class Image(sensor_msgs.msg.Image):
+    """sensor_msgs/Image whose pixels are copied neither when it arrives nor before it is sent.
+
+    `data` is a memoryview where it was received, and may be any C-contiguous buffer where it is sent; that halves the
+    time which large images spend in rospy.
+    """
+
+    def serialize(self, buff: Any) -> None:
+        if isinstance(self.data, (bytes, list, tuple)):
+            super().serialize(buff)
+            return
+        pixels = memoryview(self.data).cast('B')
+        sensor_msgs.msg.Image(self.header, self.height, self.width, self.encoding, self.is_bigendian, self.step,
+                              b'').serialize(buff)
+        buff.seek(-4, 1)   # the length, 0 up to here
+        buff.write(struct.pack('<I', pixels.nbytes))
+        buff.write(pixels)
+
+    def deserialize(self, buff: bytes | memoryview) -> Image:
+        try:
+            frame_id_length, = struct.unpack_from('<I', buff, 12)
+            encoding_length, = struct.unpack_from('<I', buff, 24 + frame_id_length)
+            start = 37 + frame_id_length + encoding_length
+            length, = struct.unpack_from('<I', buff, start - 4)
+        except struct.error as error:
+            raise genpy.DeserializationError(error) from error
+        super().deserialize(bytes(buff[:start - 4]) + bytes(4))
+        self.data = memoryview(buff)[start:start + length]
+        return self
+
+    def __getstate__(self) -> list:
+        # A memoryview can be neither copied with copy.deepcopy nor pickled.
+        return [bytes(value) if isinstance(value, memoryview) else value for value in super().__getstate__()]
+
+
+def _view(message: Any) -> tuple[np.ndarray, str]:
+    """The pixels of a sensor_msgs/Image, checked, and their encoding."""
+    dtype, channels = layout(message.encoding)
+    height, width, step = message.height, message.width, message.step
+    row = width * channels * dtype.itemsize
+    if height == 0 or width == 0:
+        raise ImageError(f'image without pixels: {width} x {height}')
+    if message.encoding in YUV and width % 2:
+        raise ImageError(f'{message.encoding} has pixels in pairs; got a width of {width}')
+    if step < row:
+        raise ImageError(f'step is {step}, but {width} pixels of {message.encoding} take {row} bytes')
+    data = buffer(message.data)
+    if len(data) != height * step:
+        raise ImageError(f'data has {len(data)} bytes, but {height} rows of {step} bytes make {height * step}')
+    dtype = dtype.newbyteorder('>' if message.is_bigendian else '<')
+    array: np.ndarray = np.ndarray((height, width, channels), dtype, data,
+                                   strides=(step, channels * dtype.itemsize, dtype.itemsize))
+    array = np.ascontiguousarray(array, dtype.newbyteorder('='))
+    return array[:, :, 0] if channels == 1 else array, message.encoding

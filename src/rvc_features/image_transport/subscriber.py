@@ -1,0 +1,73 @@
+"""A subscription to an image topic, by one of its transports."""
+
+from __future__ import annotations
+
+from typing import Any, Callable
+
+import rospy
+
+from rvc_features.image_transport.encodings import ImageError
+from rvc_features.image_transport.messages import Image
+from rvc_features.image_transport.publisher import WARNING_PERIOD, num_connections
+from rvc_features.image_transport.transports import TRANSPORTS, Transport
+from rvc_features.image_transport.whole_reads import FIRST_READ, read_whole_messages
+
+# How much rospy reads at once: more than a message, or old frames wait in the socket although queue_size is 1. Raw
+# images for callbacks that only store are read whole instead.
+_LARGE_BUFFER = 1 << 24   # bytes
+
+
+class Subscriber:
+    """A subscription to an image topic; made by `ImageTransport.subscribe`."""
+
+    def __init__(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int, transport: Transport,
+                 tcp_nodelay: bool, decode: bool) -> None:
+        self.errors = 0   # messages that could not be decoded
+        self._base_topic = base_topic
+        self._transport = transport
+        self._callback: Callable[[Any], Any] | None = callback
+        self._decode = decode
+        _warn_of_transport_in(self._base_topic)
+        whole = not decode and self._transport.message_class is Image
+        self._subscriber = rospy.Subscriber(
+            self._transport.topic(self._base_topic), self._transport.message_class, self._receive,
+            queue_size=queue_size or None, buff_size=FIRST_READ if whole else _LARGE_BUFFER, tcp_nodelay=tcp_nodelay)
+        if whole:
+            read_whole_messages(self._subscriber)
+
+    def get_num_publishers(self) -> int:
+        """How many publishers the subscriber is connected to."""
+        return num_connections(self._subscriber)
+
+    def get_topic(self) -> str:
+        """The resolved base topic; that of the transport may be another one."""
+        return self._base_topic
+
+    def get_transport(self) -> str:
+        """Name of the transport in use."""
+        return self._transport.name
+
+    def shutdown(self) -> None:
+        """Unsubscribe; a callback that has begun may still be running afterwards, but none begins."""
+        self._callback = None
+        self._subscriber.unregister()
+
+    def _receive(self, message: Any) -> None:
+        callback = self._callback
+        if callback is None:
+            return
+        try:
+            image = self._transport.decode(message) if self._decode else message
+        except ImageError as error:
+            self.errors += 1
+            rospy.logwarn_throttle(WARNING_PERIOD, f'{self._transport.topic(self._base_topic)}: image skipped, '
+                                                    f'{self.errors} so far: {error}')
+            return
+        callback(image)
+
+
+def _warn_of_transport_in(base_topic: str) -> None:
+    parent, _, last = base_topic.rpartition('/')
+    if last in TRANSPORTS:
+        rospy.logwarn(f'{base_topic} looks like the topic of one transport. Subscribe to the image topic {parent} '
+                      f'instead, with parameter ~image_transport set to {last} (_image_transport:={last})')

@@ -1,0 +1,14 @@
+"""The compiled twins: one file for each module at the top whose loops Numba compiles.
+
+    response, maxima, orientation, drawing: twins of the modules of that name; sorting, suppression: of filters
+    compiler: the decorator, and what all share; rows, vectors: what kernels over whole images are made of
+    warm_up: compiles all of them before the first frame
+
+Nothing here is needed: where Numba is missing or does not work, `compiler.available()` is False, one line in the log
+says so, and the modules at the top take their reference path. Each public kernel names its reference, and a test
+compares the two.
+
+Whole images are gone over row by row, so that everything but the image stays in the nearest caches, and along a row by
+vectors of sixteen numbers. Rows that are read beyond their ends lie in buffers with room for that; in an image the
+last vector of a row ends where the row does, and does some of the work of the one before it again.
+"""

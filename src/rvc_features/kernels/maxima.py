@@ -1,0 +1,93 @@
+"""Local maxima and their position between the pixels; reference: maxima.py."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel
+
+if installed:
+    from rvc_features.kernels.vectors import LANES, load, lowest_bit, maximum, splat, where_greater, where_not_less
+
+def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
+    """Local maxima above `minimum`, x and y in reading order; reference: `maxima.reference_local_maxima`."""
+    found = in_bands(lambda first, last: _local_maxima(response, minimum, first, last), *response.shape)
+    return found[0] if len(found) == 1 else (np.concatenate([x for x, _ in found]),
+                                             np.concatenate([y for _, y in found]))
+
+
+@kernel
+def _local_maxima(response, minimum, first, last):
+    """Those in the rows from `first` to before `last`."""
+    height, width = response.shape
+    capacity = ((last - first + 1) // 2) * ((width + 1) // 2) + 8   # of two neighbours only one is a maximum
+    found_x, found_y = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
+    least = splat(np.float32(minimum))
+    count = 0
+    for y in range(first, last):
+        start = count
+        by_vectors = 0 < y < height - 1 and width >= LEAST_WIDTH
+        for x in range(1 if by_vectors else width):
+            found_x[count] = x
+            count += _is_maximum(response, x, y, minimum)
+        for x in range(1, width - 1 if by_vectors else 0, LANES):
+            begin = min(x, width - 1 - LANES)
+            at = y * width + begin
+            value = load(response, at)
+            bits = where_greater(value, least)
+            if bits == 0:
+                continue
+            above, below = at - width, at + width
+            before = maximum(maximum(load(response, at - 1), load(response, above - 1)),
+                             maximum(load(response, above), load(response, above + 1)))
+            after = maximum(maximum(load(response, at + 1), load(response, below - 1)),
+                            maximum(load(response, below), load(response, below + 1)))
+            bits &= where_greater(value, before) & where_not_less(value, after)
+            bits &= -1 << (x - begin)   # the others have been looked at
+            while bits != 0:
+                found_x[count] = begin + lowest_bit(bits)
+                count += 1
+                bits &= bits - 1
+        if by_vectors:
+            found_x[count] = width - 1
+            count += _is_maximum(response, width - 1, y, minimum)
+        found_y[start:count] = y
+    return found_x[:count].copy(), found_y[:count].copy()
+
+
+@kernel
+def _is_maximum(response, x, y, minimum):
+    height, width = response.shape
+    value = response[y, x]
+    if not value > minimum:
+        return False
+    for v in range(max(y - 1, 0), min(y + 2, height)):
+        for u in range(max(x - 1, 0), min(x + 2, width)):
+            before = v < y or (v == y and u < x)
+            if response[v, u] > value or (before and response[v, u] == value):
+                return False
+    return True
+
+
+@kernel
+def refine(response, x, y):
+    """Tops of the quadratics through the 3x3 values; reference: `maxima.reference_refine`."""
+    height, width = response.shape
+    refined_x, refined_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
+    for i in range(len(x)):
+        u, v = x[i], y[i]
+        refined_x[i], refined_y[i] = u, v
+        if u <= 0 or u >= width - 1 or v <= 0 or v >= height - 1:
+            continue
+        middle = np.float64(response[v, u])
+        left, right = np.float64(response[v, u - 1]), np.float64(response[v, u + 1])
+        above, below = np.float64(response[v - 1, u]), np.float64(response[v + 1, u])
+        g_x, g_y = (right - left) / 2, (below - above) / 2
+        s_xx, s_yy = right - 2 * middle + left, below - 2 * middle + above
+        s_xy = (np.float64(response[v + 1, u + 1]) - np.float64(response[v + 1, u - 1])
+                - np.float64(response[v - 1, u + 1]) + np.float64(response[v - 1, u - 1])) / 4
+        determinant = s_xx * s_yy - s_xy * s_xy
+        if determinant > 0 and s_xx < 0:
+            refined_x[i] += min(max((s_xy * g_y - s_yy * g_x) / determinant, -0.5), 0.5)
+            refined_y[i] += min(max((s_xy * g_x - s_xx * g_y) / determinant, -0.5), 0.5)
+    return refined_x, refined_y

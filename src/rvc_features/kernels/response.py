@@ -1,0 +1,257 @@
+"""The Harris response of whole images in one pass; reference: response.py."""
+
+from __future__ import annotations
+
+import functools
+
+import numpy as np
+
+from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
+from rvc_features.kernels.rows import (
+    image_rows,
+    next_gradient_rows,
+    reflect,
+    reflect_ends,
+    row_lead,
+    row_length,
+    sobel_gradient,
+    zeros,
+)
+
+if installed:
+    from rvc_features.kernels.vectors import LANES, load, maximum, splat, store, to_float32, to_float64, widened
+
+LARGEST_BOX = 45   # pixels: the largest odd window whose sums of Sobel products fit in 32 bits, w^2 (4 * 255)^2 < 2^31
+
+
+def response(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float = 0.0,
+             out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+    """Harris response and its largest value; reference: `response.reference_response`.
+
+    Smoothing, gradients, their products, the window and the response are computed row by row in one pass. For uint8
+    without smoothing gradients are exact, and so are the box window's sums. Smoothing, and the box window after it, are
+    in double precision, the Gaussian window's sums in single precision.
+
+    Parameters
+    ----------
+    image : ndarray, uint8 or float32, shape (H, W)
+        At least as high and wide as the window, and `LEAST_WIDTH` wide.
+    window_size : int
+        Odd; for the box at most `LARGEST_BOX`.
+    window : {'gaussian', 'box'}
+    harris_k, derivative_sigma : float
+    out : ndarray, float32, shape (H, W), contiguous, optional
+        Where to write the response.
+    """
+    image = read_only(image)
+    height, width = image.shape
+    if width < LEAST_WIDTH:
+        raise ValueError(f'image must be at least {LEAST_WIDTH} pixels wide; got {width}')
+    response = np.empty((height, width), np.float32) if out is None else out
+    largest = in_bands(lambda first, last: _response_of_rows(image, window_size, window, harris_k, derivative_sigma,
+                                                              response, first, last), height, width)
+    return response, max(largest)
+
+
+def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float,
+                      out: np.ndarray, first: int, last: int) -> float:
+    """Fill in the rows from `first` to before `last`; returns the largest value in them."""
+    taps = _gaussian_taps(int(np.ceil(4 * derivative_sigma)), derivative_sigma) if derivative_sigma > 0 else None
+    exact = image.dtype == np.uint8 and taps is None
+    pixel, gradient, product = (_UINT8, _INT16, _INT32) if exact else (_FLOAT64, _FLOAT64, _FLOAT64)
+    if window == 'box':
+        return _box_response(image, taps, pixel, gradient, product, int(window_size), float(harris_k), out, first, last)
+    weights = _gaussian_weights(window_size)
+    return _gaussian_response(image, taps, pixel, weights, np.float32(harris_k), out, first, last)
+
+
+# For their types: what a kernel keeps pixels, gradients and their products in.
+_UINT8, _INT16, _INT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.uint8, np.int16, np.int32, np.float64))
+
+
+@functools.lru_cache(maxsize=64)
+def _gaussian_taps(radius: int, sigma: float) -> np.ndarray:
+    """Weights of a Gaussian from its centre outwards, float64, shape (radius + 1,); all of them sum to one."""
+    taps = np.exp(-np.arange(radius + 1) ** 2 / (2 * sigma ** 2))
+    return taps / (2 * taps.sum() - taps[0])
+
+
+@functools.lru_cache(maxsize=64)
+def _gaussian_weights(window_size: int) -> np.ndarray:
+    """Weights of the Gaussian window, with a zero before and after, float32, shape (window_size + 2,)."""
+    side = _gaussian_taps(window_size // 2, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8)
+    return np.pad(np.concatenate((side[:0:-1], side)), 1).astype(np.float32)
+
+
+@kernel
+def _harris(a, b, c, harris_k):
+    """H = A C - B^2 - k (A + C)^2."""
+    trace = a + c
+    return a * c - b * b - harris_k * (trace * trace)
+
+
+@kernel
+def _box_response(image, taps, pixel, gradient, product, window_size, harris_k, out, first, last):
+    """Running sums down the columns, sums of neighbours along the row."""
+    height, width = image.shape
+    radius = window_size // 2
+    lead, slots = row_lead(radius), min(height, window_size + 1)
+    length = row_length(width, lead)
+    smoothed, rows = image_rows(width, taps, pixel)
+    gradients = zeros((slots + 1) * 2 * length, gradient).reshape((slots + 1, 2, length))
+    nothing = slots   # the last row stays zero: what the first windows have nothing to subtract from
+    columns = zeros(3 * length, product).reshape((3, length))
+    fours = zeros(3 * length, product).reshape((3, length))
+    largest = np.full(LANES, -np.inf, np.float32)
+    done = begin = max(0, first - radius)
+    for y in range(first, last):
+        while done <= min(height - 1, y + radius):
+            above, here, below = next_gradient_rows(image, done, done == begin, taps, smoothed, rows)
+            at = done % slots * 2 * gradients.shape[2]
+            for i in range(0, width, LANES):
+                x_gradient, y_gradient = sobel_gradient(rows, above, here, below, i)
+                store(gradients, at + i, x_gradient)
+                store(gradients, at + gradients.shape[2] + i, y_gradient)
+            done += 1
+        if y == first:
+            for j in range(-radius, radius + 1):
+                _slide(columns, lead, gradients, reflect(y + j, height) % slots, nothing, width)
+        else:
+            _slide(columns, lead, gradients, reflect(y + radius, height) % slots,
+                   reflect(y - 1 - radius, height) % slots, width)
+        for part in range(3):
+            reflect_ends(columns[part], lead, width, radius)
+        _box_row(columns, fours, lead - radius, window_size, harris_k, out, y, largest)
+    return largest.max()
+
+
+@kernel
+def _slide(columns, lead, gradients, new, old, width):
+    """Move the windows down by one row: the products of the new row come in, those of the old one go."""
+    length, stride = gradients.shape[2], columns.shape[1]
+    new, old = new * 2 * length, old * 2 * length
+    for i in range(0, width, LANES):
+        x_new, y_new = widened(load(gradients, new + i)), widened(load(gradients, new + length + i))
+        x_old, y_old = widened(load(gradients, old + i)), widened(load(gradients, old + length + i))
+        a, b, c = lead + i, lead + stride + i, lead + 2 * stride + i
+        store(columns, a, load(columns, a) + (x_new - x_old) * (x_new + x_old))
+        store(columns, b, load(columns, b) + (x_new * y_new - x_old * y_old))
+        store(columns, c, load(columns, c) + (y_new - y_old) * (y_new + y_old))
+
+
+@kernel
+def _box_row(columns, fours, start, size, harris_k, out, y, largest):
+    """One row of the response from the sums down the columns; the first window begins at `start`.
+
+    A large window is a sum of sums of four neighbours, and one more or less: every odd size is 4 q + 1 or 4 q - 1.
+    """
+    width, stride = out.shape[1], columns.shape[1]
+    terms, distance, count = columns, 1, size
+    if size > 7:
+        for part in range(3):
+            for i in range(part * stride + start, part * stride + start + width + size, LANES):
+                pair, next_pair = load(columns, i) + load(columns, i + 1), load(columns, i + 2) + load(columns, i + 3)
+                store(fours, i, pair + next_pair)
+        terms, distance, count = fours, 4, (size + 1) // 4
+    harris_k, scale = splat(harris_k), splat(1.0 / size ** 4)
+    most = load(largest, 0)
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        at = start + i
+        a, b, c = load(terms, at), load(terms, at + stride), load(terms, at + 2 * stride)
+        for _ in range(1, count):
+            at += distance
+            a += load(terms, at)
+            b += load(terms, at + stride)
+            c += load(terms, at + 2 * stride)
+        at = start + i + distance * count
+        if distance * count < size:
+            a += load(columns, at)
+            b += load(columns, at + stride)
+            c += load(columns, at + 2 * stride)
+        elif distance * count > size:
+            a -= load(columns, at - 1)
+            b -= load(columns, at - 1 + stride)
+            c -= load(columns, at - 1 + 2 * stride)
+        # In double precision, for of whole numbers A C - B^2 cancels exactly along an edge.
+        response = to_float32(_harris(to_float64(a), to_float64(b), to_float64(c), harris_k) * scale)
+        store(out, y * width + i, response)
+        most = maximum(response, most)
+    store(largest, 0, most)
+
+
+@kernel
+def _gaussian_response(image, taps, pixel, weights, harris_k, out, first, last):
+    """The same with weighted sums, two rows at a time, for then each row of products is read half as often."""
+    height, width = image.shape
+    size = len(weights) - 2
+    radius = size // 2
+    lead, slots = row_lead(radius), min(height, size + 1)
+    length = row_length(width, lead)
+    smoothed, rows = image_rows(width, taps, pixel)
+    products = zeros(slots * 3 * length, weights)
+    columns = zeros(2 * 3 * length, weights).reshape((2, 3, length))
+    offsets = np.empty(size + 1, np.int64)
+    largest = np.full(LANES, -np.inf, np.float32)
+    done = begin = max(0, first - radius)
+    for y in range(first, last, 2):
+        while done <= min(height - 1, y + 1 + radius):
+            above, here, below = next_gradient_rows(image, done, done == begin, taps, smoothed, rows)
+            at = done % slots * 3 * length
+            for i in range(0, width, LANES):
+                x_gradient, y_gradient = sobel_gradient(rows, above, here, below, i)
+                across, down = to_float32(x_gradient), to_float32(y_gradient)
+                store(products, at + i, across * across)
+                store(products, at + length + i, across * down)
+                store(products, at + 2 * length + i, down * down)
+            done += 1
+        for j in range(size + 1):
+            offsets[j] = reflect(y - radius + j, height) % slots * 3 * length
+        for part in range(3):
+            _weigh_rows(products, offsets, part * length, weights, width, columns, part * length + lead)
+        for row in range(min(2, last - y)):
+            for part in range(3):
+                reflect_ends(columns[row, part], lead, width, radius)
+            _gaussian_row(columns, row * 3 * length + lead - radius, weights, harris_k, out, y + row, largest)
+    return largest.max()
+
+
+@kernel
+def _weigh_rows(products, offsets, start, weights, width, columns, to):
+    """Weighted sums down the columns, for one row and for the next, which begins one row of products later."""
+    next_row = 3 * columns.shape[2]
+    zero = splat(np.float32(0))
+    for i in range(0, width, 2 * LANES):
+        left, right, next_left, next_right = zero, zero, zero, zero
+        for j in range(len(offsets)):
+            at = offsets[j] + start + i
+            here, there = load(products, at), load(products, at + LANES)
+            weight, next_weight = splat(weights[j + 1]), splat(weights[j])
+            left += weight * here
+            right += weight * there
+            next_left += next_weight * here
+            next_right += next_weight * there
+        store(columns, to + i, left)
+        store(columns, to + i + LANES, right)
+        store(columns, to + i + next_row, next_left)
+        store(columns, to + i + next_row + LANES, next_right)
+
+
+@kernel
+def _gaussian_row(columns, start, weights, harris_k, out, y, largest):
+    """One row of the response from the weighted sums down the columns; the first window begins at `start`."""
+    width, stride = out.shape[1], columns.shape[2]
+    harris_k = splat(harris_k)
+    most = load(largest, 0)
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        a = b = c = splat(np.float32(0))
+        for j in range(len(weights) - 2):
+            weight, at = splat(weights[j + 1]), start + i + j
+            a += weight * load(columns, at)
+            b += weight * load(columns, at + stride)
+            c += weight * load(columns, at + 2 * stride)
+        response = _harris(a, b, c, harris_k)
+        store(out, y * width + i, response)
+        most = maximum(response, most)
+    store(largest, 0, most)
