@@ -1,4 +1,4 @@
-"""What all kernels share: Numba's decorator, whether it is there, threads. Imports nothing of ours but vectors.py.
+"""What all kernels share: Numba's decorator, whether it is there, threads. Of ours it imports cache and vectors only.
 
 Kernels release the GIL and hold no state: they may run in several threads at once. Those that go over whole images do
 so themselves: each thread takes a band of rows, as many as OpenCV has threads (`cv2.setNumThreads`).
@@ -18,7 +18,7 @@ import numpy as np
 try:
     import numba
 
-    from rvc_features.kernels import vectors  # noqa: F401  (whether it can be imported, too)
+    from rvc_features.kernels import cache, vectors  # noqa: F401  (whether it can be imported, too)
     installed = True
     _reason_against = 'NUMBA_DISABLE_JIT is set' if getattr(numba.config, 'DISABLE_JIT', False) else ''
 except Exception as error:   # an ImportError, or whatever a Numba that does not fit this NumPy raises
@@ -43,11 +43,7 @@ def kernel(function: Callable[..., Any]) -> Any:
     """Numba's decorator with the options of this package; without Numba the function stays as it is."""
     if _reason_against:
         return function
-    options: dict[str, Any] = {'nogil': True, 'error_model': 'numpy'}
-    try:
-        return numba.njit(cache=True, **options)(function)
-    except RuntimeError:   # no place to write a cache: a read-only installation without a home directory
-        return numba.njit(**options)(function)
+    return cache.njit(function, nogil=True, error_model='numpy')
 
 
 def read_only(image: np.ndarray) -> np.ndarray:

@@ -1,0 +1,105 @@
+"""Numba's cache of compiled kernels on disk, made so that nothing that is wrong with it keeps a program from running.
+
+Numba believes what it finds there: a full disk or a damaged index ends the program with a traceback, damaged machine
+code with a crash. Here what was saved is loaded only if its checksum is right; everything else is compiled anew, said
+once in the log, and replaced where the disk allows it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import logging
+import pickle
+from typing import Any, Callable
+
+import numba
+
+try:
+    from numba.core.caching import FunctionCache
+except ImportError:   # Numba before 0.49, as in ROS Noetic's Ubuntu 20.04
+    from numba.caching import FunctionCache  # type: ignore[no-redef]
+
+_UNCACHED = 'each start compiles for some twenty seconds, for compiled kernels can not be kept'
+
+_logger = logging.getLogger('rvc_features')
+_said: set[str] = set()
+
+
+def njit(function: Callable[..., Any], **options: Any) -> Any:
+    """`numba.njit(cache=True, ...)` of a function, with a cache that can do no harm."""
+    compiled = numba.njit(**options)(function)
+    try:
+        compiled._cache = SoundCache(function)
+    except (OSError, RuntimeError) as error:   # no place to write: a read-only installation without a home directory
+        _say_once(_UNCACHED, error)
+    return compiled
+
+
+class SoundCache(FunctionCache):
+    """The cache of one kernel; takes the place of the one that `njit(cache=True)` makes.
+
+    Parameters
+    ----------
+    function : callable
+        As written in Python, not compiled.
+    """
+
+    def __init__(self, function: Callable[..., Any]) -> None:
+        super().__init__(function)
+        self._cache_file: Any = _CheckedFile(self._cache_file)
+
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """The compiled function, or None where it has to be compiled."""
+        try:
+            return super().load_overload(sig, target_context)
+        except Exception as error:   # damage raises whatever unpickling can raise
+            _say_once('kernels are compiled anew, for what was kept of them is damaged', error, self.cache_path)
+        try:
+            self.flush()   # or saving would read the damaged index first
+        except Exception as error:
+            _say_once(_UNCACHED, error, self.cache_path)
+        return None
+
+    def save_overload(self, sig: Any, data: Any) -> None:
+        """Keep a compiled function for the next start, if the disk allows it."""
+        try:
+            super().save_overload(sig, data)
+        except Exception as error:   # full, read-only, or with a folder where a file should be
+            _say_once(_UNCACHED, error, self.cache_path)
+
+
+class _CheckedFile:
+    """Numba's file of one kernel's variants, with a checksum over each of them and the key it was saved under."""
+
+    def __init__(self, file: Any) -> None:
+        self._file = file
+        self.flush = file.flush
+
+    def save(self, key: Any, data: Any) -> None:
+        content = self._file._dump((repr(key), data))
+        self._file.save(key, (_checksum(content), content))
+
+    def load(self, key: Any) -> Any:
+        """What was saved under `key`; None if nothing was, an exception if it is damaged."""
+        found = self._file.load(key)
+        if found is None:
+            return None
+        checksum, content = found
+        if _checksum(content) != checksum:
+            raise ValueError('the checksum is wrong')
+        saved_as, data = pickle.loads(content)
+        if saved_as != repr(key):
+            raise ValueError('it is that of another function')
+        return data
+
+
+def _checksum(content: bytes) -> bytes:
+    return hashlib.sha256(content).digest()
+
+
+def _say_once(sentence: str, error: Exception, path: str = '') -> None:
+    """One line for a whole set of kernels, which mostly share the trouble."""
+    if sentence not in _said:
+        _said.add(sentence)
+        place = f' in {path}' if path else ''
+        _logger.warning('%s%s (%s: %s)', sentence, place, type(error).__name__, str(error)[:200])
