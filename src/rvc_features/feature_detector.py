@@ -47,7 +47,7 @@ class FeatureDetector(ABC):
         """The same key points as `detect`, as one structured array of `key_points.DTYPE` (no KeyPoint objects)."""
         grey = as_grey(image)
         found = self.detect_impl(grey, _as_mask(mask, grey.shape))
-        return found[np.argsort(-found['response'], kind='stable')]
+        return found.take(np.argsort(-found['response'], kind='stable'))
 
     @abstractmethod
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:

@@ -1,10 +1,9 @@
-"""HarrisDetector: response, local maxima, filter, orientation (exercises 1 and 2, end to end)."""
+"""HarrisDetector: octaves, response, local maxima, filter, position, orientation (exercises 1 and 2, end to end)."""
 
 from __future__ import annotations
 
-import threading
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Iterator, NamedTuple
 
 import cv2
 import numpy as np
@@ -13,6 +12,7 @@ from rvc_features import filters, key_points, maxima, response
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.orientation import direction, smoothed_gradient
 from rvc_features.parameters import Flag, Integer, Real, parameter
+from rvc_features.search import ResponseMaps, Search
 
 
 @dataclass(frozen=True)
@@ -76,30 +76,30 @@ class HarrisDetector(FeatureDetector):
         'Size of the larger kernel for the orientation: standard deviation in pixels of the octave.', 0.1, 50))
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
-        """Candidates of every octave, then one filter over all of them together."""
-        candidates: list[_Candidates] = []
-        to_beat = 0.0
-        for octave in range(self.octaves):
-            if octave > 0:
-                if min(image.shape) < 2 * _SMALLEST_OCTAVE:
-                    break
-                # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
-                image = cv2.pyrDown(image)
-                mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
-            candidates.append(self._candidates(image, octave, mask, to_beat))
-            if octave == 0 and self.octaves > 1:
-                to_beat = self._least_of_strongest(candidates[0].strength)
+        """Corners of every octave, one filter over all of them together, then position and direction of those left."""
+        search = self._search()
+        octaves = list(self.pyramid(image, mask))
+        corners = [self.harris_corners(of_octave.image, octave, of_octave.mask, search)
+                   for octave, of_octave in enumerate(octaves)]
+        points = self.filter(_joined(corners))
+        self.refine(points, octaves)
+        self.orient(points, octaves)
+        return points
 
-        chosen = _only(self._filter(candidates), candidates)
-        positions = [self._positions(of_octave) for of_octave in chosen]
-        found = self._key_points(chosen, positions)
-        gradients = [smoothed_gradient(of_octave.image, x, y, self.orientation_sigma)
-                     for of_octave, (x, y) in zip(chosen, positions)]
-        found['angle'] = direction(*(_joined(list(parts)) for parts in zip(*gradients)))
-        return found
+    def pyramid(self, image: np.ndarray, mask: np.ndarray | None = None) -> Iterator[Octave]:
+        """The image, and smaller ones by `cv2.pyrDown`, as many as there are octaves and as the size allows."""
+        yield Octave(image, mask)
+        for _ in range(1, self.octaves):
+            if min(image.shape) < 2 * SMALLEST_OCTAVE:
+                return
+            # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
+            image = cv2.pyrDown(image)
+            mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
+            yield Octave(image, mask)
 
-    def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None) -> np.ndarray:
-        """Candidates of one octave: local maxima of the response above `minimum_response`, without angle.
+    def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None,
+                       search: Search | None = None) -> np.ndarray:
+        """Corners of one octave: local maxima of the response above `minimum_response`, on whole pixels, no angle.
 
         Parameters
         ----------
@@ -107,133 +107,125 @@ class HarrisDetector(FeatureDetector):
             The octave's own image, 2**octave times smaller than the full one.
         octave : int
         mask : ndarray, uint8, shape (H, W), optional
+        search : Search, optional
+            What may be left out because it can't pass the filter; default: nothing.
 
         Returns
         -------
         ndarray of key_points.DTYPE, shape (N,)
             Positions and sizes in pixels of the full image, in reading order.
         """
-        candidates = self._candidates(image, octave, mask)
-        return self._key_points([candidates], [self._positions(candidates)])
+        search = search or Search(self.minimum_response)
+        h, largest = self._response(image, octave)
+        for least in search.bounds(largest, is_a_corner=mask is None and self.border == 0):
+            x, y = self._corners_above(least, h, mask)
+            if search.are_enough(len(x)):
+                break
+        corners = key_points.empty(len(x))
+        corners['x'], corners['y'] = x << octave, y << octave
+        corners['size'] = self.window_size << octave
+        corners['response'] = h.ravel().take(y * h.shape[1] + x)
+        corners['octave'] = octave
+        if octave + 1 < self.octaves:
+            search.next_must_beat(corners['response'])
+        return corners
+
+    # `take` and not an index: NumPy picks whole records forty times as fast that way.
+
+    def filter(self, corners: np.ndarray) -> np.ndarray:
+        """Those of the corners of all octaves that become key points, strongest or most widely spread first."""
+        if self.anms:
+            return self.adaptive_non_maximal_suppression(corners)
+        return self.strongest(corners) if self.fixed_number_of_points else self.above_threshold(corners)
+
+    def above_threshold(self, corners: np.ndarray) -> np.ndarray:
+        """Corners above `threshold` times the largest response."""
+        responses = corners['response']
+        return corners.take(filters.above_threshold(responses, self.threshold, float(responses.max(initial=0))))
+
+    def strongest(self, corners: np.ndarray) -> np.ndarray:
+        """The `number_of_points` strongest corners."""
+        return corners.take(filters.strongest(corners['response'], self.number_of_points))
+
+    def adaptive_non_maximal_suppression(self, corners: np.ndarray) -> np.ndarray:
+        """The `anms_points` corners with the largest suppression radius."""
+        positions = np.column_stack((corners['x'], corners['y']))
+        return corners.take(filters.adaptive_non_maximal_suppression(
+            positions, corners['response'], self.anms_points, self.anms_robustness))
+
+    def refine(self, points: np.ndarray, octaves: list[Octave]) -> None:
+        """Move points to where the response of their octave is largest between the pixels."""
+        if not (self.local_maxima and self.subpixel):
+            return
+        for octave, here in _by_octave(points, len(octaves)):
+            h = _maps.of_octave(octave, octaves[octave].image.shape)
+            x, y = (points[name][here].astype(np.int64) >> octave for name in 'xy')
+            x, y = maxima.refine(h, x, y)
+            points['x'][here], points['y'][here] = x * (1 << octave), y * (1 << octave)
+
+    def orient(self, points: np.ndarray, octaves: list[Octave]) -> None:
+        """Give each point the direction of the gradient in its octave, taken with the larger kernel."""
+        for octave, here in _by_octave(points, len(octaves)):
+            x, y = (points[name][here].astype(np.float64) / (1 << octave) for name in 'xy')
+            points['angle'][here] = direction(*smoothed_gradient(octaves[octave].image, x, y, self.orientation_sigma))
 
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """H of the full image."""
         return response.harris_response(as_grey(image), self.window_size, self.window, self.harris_k,
                                         self.derivative_sigma)
 
-    def _candidates(self, image: np.ndarray, octave: int, mask: np.ndarray | None,
-                    to_beat: float | None = None) -> _Candidates:
-        """Candidates of an octave; given what they must exceed, without some that the filter is sure to drop."""
-        h, largest = response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
-                                                   self.derivative_sigma, _scratch.response_map(octave, image.shape))
-        least = self.minimum_response
-        if to_beat is not None and not self.anms:
-            if not self.fixed_number_of_points:
-                if mask is None and self.border == 0:   # otherwise the largest H need not be that of a candidate
-                    # A little below the threshold, for the map is in single precision; the filter decides.
-                    least = max(least, (1 - 1e-6) * self.threshold * largest)
-            elif to_beat > 0:
-                least = max(least, to_beat)
-            else:
-                # Mostly there are enough far above the least; then there is no need of the many weak ones.
-                candidates = self._candidates_above(max(least, _MOSTLY_ENOUGH * largest), image, octave, mask, h)
-                if len(candidates.x) >= self.number_of_points:
-                    return candidates
-        return self._candidates_above(least, image, octave, mask, h)
+    def _response(self, image: np.ndarray, octave: int) -> tuple[np.ndarray, float]:
+        """H of an octave's image, in a map that is valid until the thread's next image, and its largest value."""
+        return response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
+                                             self.derivative_sigma, _maps.of_octave(octave, image.shape))
 
-    def _candidates_above(self, least: float, image: np.ndarray, octave: int, mask: np.ndarray | None,
-                          h: np.ndarray) -> _Candidates:
-        find = maxima.local_maxima if self.local_maxima else maxima.pixels_above
-        x, y = find(h, least)
+    def _corners_above(self, least: float, h: np.ndarray, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+        """x and y in pixels of the octave, inside border and mask, in reading order."""
+        x, y = (maxima.local_maxima if self.local_maxima else maxima.pixels_above)(h, least)
         if self.border > 0:
-            inside = _inside(x, y, h.shape, self.border)
+            inside = ((x >= self.border) & (x < h.shape[1] - self.border)
+                      & (y >= self.border) & (y < h.shape[0] - self.border))
             x, y = x[inside], y[inside]
         if mask is not None:
             allowed = mask[y, x] != 0
             x, y = x[allowed], y[allowed]
-        return _Candidates(image, octave, h, x, y, h.ravel().take(y * h.shape[1] + x))
+        return x, y
 
-    def _least_of_strongest(self, strength: np.ndarray) -> float:
-        """Response of the last of the strongest `number_of_points`, which a further one must exceed; 0 if none must."""
-        if self.anms or not self.fixed_number_of_points or not 0 < self.number_of_points <= len(strength):
-            return 0.0
-        return float(np.partition(strength, -self.number_of_points)[-self.number_of_points])
-
-    def _filter(self, candidates: list[_Candidates]) -> np.ndarray:
-        strength = _joined([of_octave.strength for of_octave in candidates])
+    def _search(self) -> Search:
+        """What the filter that is chosen can't let pass."""
         if self.anms:
-            found = self._key_points(candidates, [self._positions(of_octave) for of_octave in candidates])
-            points = np.column_stack((found['x'], found['y']))
-            return filters.adaptive_non_maximal_suppression(points, strength, self.anms_points, self.anms_robustness)
+            return Search(self.minimum_response)
         if self.fixed_number_of_points:
-            return filters.strongest(strength, self.number_of_points)
-        return filters.above_threshold(strength, self.threshold, float(strength.max(initial=0)))
-
-    def _positions(self, candidates: _Candidates) -> tuple[np.ndarray, np.ndarray]:
-        """x and y in pixels of the octave."""
-        if self.local_maxima and self.subpixel:
-            return maxima.refine(candidates.response, candidates.x, candidates.y)
-        return candidates.x, candidates.y
-
-    def _key_points(self, candidates: list[_Candidates], positions: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
-        """Key points of all octaves in one array, without angle."""
-        octave = np.repeat([of_octave.octave for of_octave in candidates], [len(x) for x, _ in positions])
-        scale = 1 << octave
-        found = key_points.empty(len(octave))
-        found['x'] = _joined([x for x, _ in positions]) * scale
-        found['y'] = _joined([y for _, y in positions]) * scale
-        found['size'] = self.window_size * scale
-        found['response'] = _joined([of_octave.strength for of_octave in candidates])
-        found['octave'] = octave
-        return found
+            return Search(self.minimum_response, number=self.number_of_points)
+        return Search(self.minimum_response, threshold=self.threshold)
 
 
-_MOSTLY_ENOUGH = 0.002   # of the largest H: where the strongest points are sought first
-_SMALLEST_OCTAVE = 8   # pixels: no octave gets smaller than this to either side
+SMALLEST_OCTAVE = 8   # pixels: no octave gets smaller than this to either side
 
 
-class _Candidates(NamedTuple):
-    """What one octave offers to the filter; `response` is valid until the thread's next frame."""
+class Octave(NamedTuple):
+    """A level of the pyramid."""
 
     image: np.ndarray
-    octave: int
-    response: np.ndarray    # the whole map
-    x: np.ndarray           # pixels of the octave
-    y: np.ndarray
-    strength: np.ndarray    # response at each
+    mask: np.ndarray | None
 
 
-def _only(chosen: np.ndarray, candidates: list[_Candidates]) -> list[_Candidates]:
-    """The chosen ones of each octave; the indices count through all octaves."""
-    kept, start = [], 0
-    for of_octave in candidates:
-        end = start + len(of_octave.x)
-        here = chosen if len(candidates) == 1 else chosen[(chosen >= start) & (chosen < end)] - start
-        kept.append(of_octave._replace(x=of_octave.x[here], y=of_octave.y[here], strength=of_octave.strength[here]))
-        start = end
-    return kept
+_maps = ResponseMaps()
 
 
-class _Scratch(threading.local):
-    """Response maps that serve frame after frame, for fresh memory costs more than the arithmetic; one set a thread."""
-
-    def __init__(self) -> None:
-        self._maps: dict[int, np.ndarray] = {}
-
-    def response_map(self, octave: int, shape: tuple[int, ...]) -> np.ndarray:
-        if octave not in self._maps or self._maps[octave].shape != shape:
-            self._maps[octave] = np.empty(shape, np.float32)
-        return self._maps[octave]
+def _joined(corners: list[np.ndarray]) -> np.ndarray:
+    """The corners of all octaves; as bytes, for NumPy joins records field by field."""
+    if len(corners) == 1:
+        return corners[0]
+    return np.concatenate([of_octave.view(np.uint8) for of_octave in corners]).view(key_points.DTYPE)
 
 
-_scratch = _Scratch()
-
-
-def _joined(arrays: list[np.ndarray]) -> np.ndarray:
-    """One array of all; without a copy where there is but one."""
-    return arrays[0] if len(arrays) == 1 else np.concatenate(arrays)
-
-
-def _inside(x: np.ndarray, y: np.ndarray, shape: tuple[int, ...], border: int) -> np.ndarray:
-    height, width = shape
-    return (x >= border) & (x < width - border) & (y >= border) & (y < height - border)
+def _by_octave(points: np.ndarray, octaves: int) -> Iterator[tuple[int, np.ndarray | slice]]:
+    """Each octave that has points, and where they are."""
+    if octaves == 1:
+        yield 0, slice(None)
+        return
+    for octave in range(octaves):
+        here = np.flatnonzero(points['octave'] == octave)
+        if len(here) > 0:
+            yield octave, here

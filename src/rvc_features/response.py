@@ -73,10 +73,12 @@ def response_and_maximum(image: np.ndarray, window_size: int, window: str, harri
                          out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """`harris_response` and its largest value; arguments are taken as checked.
 
-    `out`, where it is given (float32, contiguous, of the image's shape), may be what holds the response afterwards.
+    `out`, where it is given (float32, contiguous, of the image's shape), is what holds the response afterwards.
     """
     if not _fits_kernel(image, window_size):
         response = reference_response(image, window_size, window, harris_k, derivative_sigma)
+        if out is not None:
+            out[:] = response
         return response, float(response.max())
     return compiled.response(image, window_size, window, harris_k, derivative_sigma, out)
 

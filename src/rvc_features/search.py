@@ -1,0 +1,74 @@
+"""What makes the search for corners fast: what can't pass the filter isn't looked for, and maps serve again.
+
+Nothing here changes what a detector finds. Without it every local maximum above the least response would be listed,
+tens of thousands in a large image, for the filter to drop.
+"""
+
+from __future__ import annotations
+
+import threading
+from typing import Iterator
+
+import numpy as np
+
+MOSTLY_ENOUGH = 0.002   # of the largest response: where the strongest points are sought first
+
+
+class Search:
+    """Bounds for the corners of one image, octave after octave; by default all above `minimum` are wanted.
+
+    Parameters
+    ----------
+    minimum : float
+        Least response of a corner.
+    threshold : float, optional
+        Only those above this share of the largest response of all octaves will pass.
+    number : int, optional
+        Only so many of the strongest will pass.
+    """
+
+    def __init__(self, minimum: float, threshold: float | None = None, number: int | None = None) -> None:
+        self._minimum, self._threshold, self._number = minimum, threshold, number
+        self._to_beat = 0.0
+
+    def bounds(self, largest: float, is_a_corner: bool) -> Iterator[float]:
+        """What a response must exceed: to be tried one after the other until there are enough corners.
+
+        Parameters
+        ----------
+        largest : float
+            Largest response of the octave.
+        is_a_corner : bool
+            Whether that one is sure to be listed; a mask might leave it out.
+        """
+        if self._threshold is not None and is_a_corner:
+            # A little below the threshold, for the map is in single precision; the filter decides.
+            yield max(self._minimum, (1 - 1e-6) * self._threshold * largest)
+        elif self._number is not None and self._to_beat == 0:
+            # Mostly there are enough far above the least; then there is no need of the many weak ones.
+            yield max(self._minimum, MOSTLY_ENOUGH * largest)
+            yield self._minimum
+        else:
+            yield max(self._minimum, self._to_beat)
+
+    def are_enough(self, corners: int) -> bool:
+        """Whether that many corners make it needless to look for weaker ones."""
+        return self._number is not None and corners >= self._number
+
+    def next_must_beat(self, responses: np.ndarray) -> None:
+        """Note the corners of an octave: those to come must exceed the last of the strongest `number` of them."""
+        if self._number is not None and 0 < self._number <= len(responses):
+            self._to_beat = float(np.partition(responses, -self._number)[-self._number])
+
+
+class ResponseMaps(threading.local):
+    """Response maps that serve image after image, for fresh memory costs more than the arithmetic; one set a thread."""
+
+    def __init__(self) -> None:
+        self._maps: dict[int, np.ndarray] = {}
+
+    def of_octave(self, octave: int, shape: tuple[int, ...]) -> np.ndarray:
+        """A map of that shape, float32; what it holds is overwritten with the thread's next image."""
+        if octave not in self._maps or self._maps[octave].shape != shape:
+            self._maps[octave] = np.empty(shape, np.float32)
+        return self._maps[octave]
