@@ -334,8 +334,8 @@ def test_a_dask_cluster_gives_the_same_numbers(photograph, uninterrupted, tmp_pa
 
 def test_a_dask_scheduler_that_is_not_there(sequence, tmp_path, capsys, monkeypatch):
     pytest.importorskip('distributed', reason='Dask is not installed')
-    from rvc_features.comparison import runner
-    monkeypatch.setattr(runner, '_DASK_TIMEOUT', 0.5)
+    from rvc_features.comparison import executors
+    monkeypatch.setattr(executors, '_DASK_TIMEOUT', 0.5)
     assert main(sequence, '--output', tmp_path, '--dask-scheduler', 'tcp://127.0.0.1:9') == 2
     assert 'no Dask scheduler answers at tcp://127.0.0.1:9' in capsys.readouterr().err
 

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from conftest import texture
 
-from rvc_features.comparison import datasets, warps
-from rvc_features.comparison.datasets import FRAMES, SEQUENCE, Options, open_inputs
+from rvc_features.comparison import datasets, inputs, warps
+from rvc_features.comparison.datasets import FRAMES, SEQUENCE, Options
 from rvc_features.comparison.homographies import HomographyError, project
+from rvc_features.comparison.inputs import open_inputs
 from rvc_features.recordings.image_sources import SourceError
 
 SHIFT = '1 0 4\n0 1 -3\n0 0 1\n'
@@ -215,13 +216,13 @@ def test_names_of_data_sets_differ(tmp_path):
 def test_all_changes_are_made_and_known(tmp_path):
     path = tmp_path / 'photo.png'
     cv2.imwrite(str(path), texture((240, 330), smoothing=2.5))
-    dataset = datasets.synthetic(str(path), Options())
+    dataset = inputs.synthetic(str(path), Options())
     pairs = list(dataset.pairs())
     assert len(pairs) == dataset.count > 30
     assert {pair.group for pair in pairs} == set(warps.KINDS)
     assert all(pair.first.shape == (160, 220) for pair in pairs)
     assert pairs[0].name == 'photo, 5 degrees'
-    again = list(datasets.synthetic(str(path), Options()).pairs())
+    again = list(inputs.synthetic(str(path), Options()).pairs())
     assert all((a.second == b.second).all() for a, b in zip(pairs, again))
 
 
@@ -258,7 +259,7 @@ def test_a_fixed_grid_of_points_is_not_repeatable_where_nothing_moves():
 def test_a_photograph_that_is_too_small(tmp_path):
     cv2.imwrite(str(tmp_path / 'small.png'), texture((50, 60)))
     with pytest.raises(SourceError, match=r'small.png: the photograph is 60x50 pixels; it must be at least 96'):
-        datasets.synthetic(str(tmp_path / 'small.png'), Options())
+        inputs.synthetic(str(tmp_path / 'small.png'), Options())
 
 
 def test_the_generated_photograph_has_corners():

@@ -8,8 +8,10 @@ import pytest
 from conftest import texture
 
 from rvc_features import detectors, key_points
-from rvc_features.comparison import measures
-from rvc_features.comparison.measures import CommonRegion, mutual_nearest
+from rvc_features.comparison import intervals, measures
+from rvc_features.comparison.contestants import thinned
+from rvc_features.comparison.correspondences import CommonRegion, inside, mutual_nearest
+from rvc_features.comparison.survival import Survival
 
 IDENTITY = np.eye(3)
 SHAPE = 100, 200
@@ -44,7 +46,7 @@ def test_distances_are_those_in_the_second_image():
 
 def test_the_region_ends_half_open():
     corners = np.array([[0, 0], [199.5, 99.5], [200, 50], [50, 100], [-0.1, 5], [np.nan, 1]])
-    assert measures.inside(corners, SHAPE).tolist() == [True, True, False, False, False, False]
+    assert inside(corners, SHAPE).tolist() == [True, True, False, False, False, False]
 
 
 def test_matches_are_one_to_one():
@@ -176,35 +178,35 @@ def test_survival_of_points_that_move():
     image = texture((200, 260), smoothing=2.0)
     moved = np.roll(image, 5, axis=1)
     points = measures.positions(detectors.create('harris', border=20).detect_arrays(image)[:100])
-    survival = measures.Survival(points, points + np.array([5, 0]), image, moved, [0.5, 1.5])
+    survival = Survival(points, points + np.array([5, 0]), image, moved, [0.5, 1.5])
     assert survival.tracked > 0.95
     assert survival.found_again[1] > 0.95
     assert survival.motion == pytest.approx(5, abs=0.1)
-    assert measures.Survival(points, points + np.array([25, 0]), image, moved, [0.5]).found_again[0] < 0.2
+    assert Survival(points, points + np.array([25, 0]), image, moved, [0.5]).found_again[0] < 0.2
 
 
 def test_survival_without_points_or_without_likeness():
     image = texture((100, 130))
-    none = measures.Survival(np.empty((0, 2)), np.ones((1, 2)), image, image, [1])
+    none = Survival(np.empty((0, 2)), np.ones((1, 2)), image, image, [1])
     assert (none.tracked, none.found_again, none.motion) == (None, [None], None)
     points = measures.positions(detectors.create('harris').detect_arrays(image)[:60])
-    assert measures.Survival(points, points, image, texture((100, 130), seed=5), [1]).tracked < 0.4
+    assert Survival(points, points, image, texture((100, 130), seed=5), [1]).tracked < 0.4
 
 
 def test_bootstrap_intervals_hold_the_mean_and_keep_pairs_together():
     generator = np.random.default_rng(0)
     easy = generator.random(40)
     values = np.column_stack((easy, easy + 0.05))   # the second is always better by the same
-    means = measures.bootstrap_means(values, seed=2)
-    low, high = measures.interval(means[:, 0])
+    means = intervals.bootstrap_means(values, seed=2)
+    low, high = intervals.interval(means[:, 0])
     assert low < easy.mean() < high
     assert high - low == pytest.approx(2 * 1.96 * easy.std() / np.sqrt(40), rel=0.15)
     np.testing.assert_allclose(means[:, 1] - means[:, 0], 0.05)
-    assert (means == measures.bootstrap_means(values, seed=2)).all()
+    assert (means == intervals.bootstrap_means(values, seed=2)).all()
 
 
 def test_bootstrap_leaves_out_what_is_not_known():
-    means = measures.bootstrap_means(np.array([[1, np.nan], [1, 3], [1, np.nan]]), seed=1)
+    means = intervals.bootstrap_means(np.array([[1, np.nan], [1, 3], [1, np.nan]]), seed=1)
     assert (means[:, 0] == 1).all()
     assert set(means[~np.isnan(means[:, 1]), 1]) == {3}
 
@@ -212,5 +214,5 @@ def test_bootstrap_leaves_out_what_is_not_known():
 def test_thinned_keeps_the_stronger_of_near_points():
     points = key_points.empty(4)
     points['x'], points['y'] = [10, 11, 13, 10], [10, 10, 10, 30]
-    assert measures.thinned(points, 3)['x'].tolist() == [10, 13, 10]
-    assert len(measures.thinned(points, 0.5)) == 4
+    assert thinned(points, 3)['x'].tolist() == [10, 13, 10]
+    assert len(thinned(points, 0.5)) == 4

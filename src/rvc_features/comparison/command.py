@@ -13,11 +13,23 @@ from typing import Any, Iterator, NoReturn, Sequence
 import cv2
 
 from rvc_features import detectors
-from rvc_features.comparison import contestants, datasets, report, runner, summary
+from rvc_features.comparison import (
+    contestants,
+    datasets,
+    executors,
+    inputs,
+    report,
+    runner,
+    sequences,
+    summary,
+    text_tables,
+)
 from rvc_features.comparison.contestants import ContestantError
 from rvc_features.comparison.datasets import Dataset, Options
+from rvc_features.comparison.executors import DaskError
 from rvc_features.comparison.pair_task import Settings
-from rvc_features.comparison.runner import DaskError, Progress, Store
+from rvc_features.comparison.results import Store
+from rvc_features.comparison.runner import Progress
 from rvc_features.recordings.image_sources import SourceError
 
 FAILED = 1
@@ -66,7 +78,7 @@ def _compare(given: argparse.Namespace) -> int:
     for dataset in chosen:
         print(f'on {dataset.name}: {dataset.description}', flush=True)
     gallery = report.Gallery()
-    with runner.executor_for(given.workers, given.dask_scheduler) as (executor, concurrent):
+    with executors.executor_for(given.workers, given.dask_scheduler) as (executor, concurrent):
         settings = Settings(tuple(contestant.specification() for contestant in group), given.points,
                             tuple(sorted(set(given.epsilon))), given.repeats, given.seed, concurrent,
                             tuple(given.import_))
@@ -81,7 +93,7 @@ def _compare(given: argparse.Namespace) -> int:
     made = summary.sections(measured, chosen, [contestant.label for contestant in group], settings.epsilons,
                             settings.points, settings.seed)
     paths = report.write(given.output, given.title, made, measured, chosen, group, settings, gallery)
-    print(report.as_text(made))
+    print(text_tables.as_text(made))
     print('Wrote ' + ', '.join(paths))
     return 0
 
@@ -96,12 +108,12 @@ def _contestants(given: argparse.Namespace) -> list[contestants.Contestant]:
 
 def _datasets(given: argparse.Namespace) -> list[Dataset]:
     options = Options(given.kind, given.topic, given.every, given.maximum_frames, given.crop_identity, given.seed)
-    chosen = datasets.open_inputs(given.input, options)
-    chosen += [datasets.single_pair(first, second, homography, options) for first, second, homography in given.pair]
-    chosen += [datasets.synthetic(path, options) for path in given.photograph]
+    chosen = inputs.open_inputs(given.input, options)
+    chosen += [sequences.single_pair(first, second, homography, options) for first, second, homography in given.pair]
+    chosen += [inputs.synthetic(path, options) for path in given.photograph]
     if given.examples:
-        chosen += datasets.examples(options)
-    return datasets.with_distinct_names(chosen or [datasets.synthetic(None, options)])
+        chosen += inputs.examples(options)
+    return datasets.with_distinct_names(chosen or [inputs.synthetic(None, options)])
 
 
 def _import(module: str) -> None:

@@ -33,7 +33,7 @@ class Contestant:
     def detect(self, image: np.ndarray) -> np.ndarray:
         """Key points of a grey image, strongest first (structured array)."""
         points = self.detector.detect_arrays(image)
-        return measures.thinned(points, self.thinned) if self.thinned > 0 else points
+        return thinned(points, self.thinned) if self.thinned > 0 else points
 
     def asked_for(self, count: int) -> Contestant | None:
         """The same, asked for at most `count` points; None where its detector has no parameter for that."""
@@ -61,6 +61,18 @@ class Contestant:
         """What `from_specification` makes the same contestant of, in another process."""
         values = {name: getattr(self.detector, name) for name in parameters.specifications(self.detector)}
         return self.label, self.detector.name, values, self.thinned
+
+
+def thinned(points: np.ndarray, distance: float) -> np.ndarray:
+    """Key points, strongest first, without those nearer than `distance` pixels to a stronger one that is kept."""
+    kept: list[int] = []
+    where = measures.positions(points)
+    free = np.ones(len(points), bool)
+    for i in range(len(points)):
+        if free[i]:
+            kept.append(i)
+            free[i + 1:] &= np.hypot(*(where[i + 1:] - where[i]).T) >= distance
+    return points[kept]
 
 
 def from_specification(label: str, name: str, values: Mapping[str, Any], thinned: float) -> Contestant:

@@ -21,7 +21,9 @@ import numpy as np
 
 from rvc_features.comparison import contestants, measures
 from rvc_features.comparison.contestants import Contestant
+from rvc_features.comparison.correspondences import CommonRegion
 from rvc_features.comparison.datasets import Pair
+from rvc_features.comparison.survival import Survival
 from rvc_features.heap import keep_large_blocks
 
 CURVE = 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0   # epsilons of the curves, in pixels
@@ -121,8 +123,9 @@ def package_version() -> str:
 
 def code_digest(settings: Settings) -> str:
     """A digest of the code that decides the numbers: of the package, and of the contestants' own modules."""
-    files = {os.path.join(_PACKAGE, name) for name in os.listdir(_PACKAGE)}
-    files |= {os.path.join(_PACKAGE, 'comparison', f'{name}.py') for name in ('measures', 'pair_task', 'homographies')}
+    folders = _PACKAGE, os.path.join(_PACKAGE, 'kernels')
+    files = {os.path.join(folder, name) for folder in folders for name in os.listdir(folder)}
+    files |= {os.path.join(_PACKAGE, 'comparison', f'{name}.py') for name in _DECIDING}
     for contestant in settings.contestants():
         with contextlib.suppress(TypeError, OSError):   # a class without a file, made in a notebook
             files.add(inspect.getfile(type(contestant.detector)))
@@ -130,6 +133,7 @@ def code_digest(settings: Settings) -> str:
 
 
 _PACKAGE = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_DECIDING = 'contestants', 'correspondences', 'homographies', 'measures', 'pair_task', 'survival'   # of this room
 
 
 @functools.lru_cache(maxsize=None)
@@ -184,7 +188,7 @@ def _against_truth(strongest: Sequence[np.ndarray], pair: Pair, settings: Settin
     assert pair.homography is not None
     first, second = strongest
     shapes, epsilons = (pair.first.shape, pair.second.shape), settings.all_epsilons()
-    region = measures.CommonRegion(measures.positions(first), measures.positions(second), pair.homography, *shapes)
+    region = CommonRegion(measures.positions(first), measures.positions(second), pair.homography, *shapes)
     i, j, distance = measures.found_again(region, max(settings.epsilons))
     turned = measures.orientation_errors(first['angle'][i], second['angle'][j], pair.homography,
                                          measures.positions(first)[i])
@@ -208,7 +212,7 @@ def _chance(counts: tuple[int, int], homography: tuple[float, ...], first_shape:
 
 def _from_frame_to_frame(strongest: Sequence[np.ndarray], pair: Pair, settings: Settings) -> dict[str, Any]:
     assert pair.second is not None
-    survival = measures.Survival(measures.positions(strongest[0]), measures.positions(strongest[1]),
+    survival = Survival(measures.positions(strongest[0]), measures.positions(strongest[1]),
                                  pair.first, pair.second, settings.all_epsilons())
     return {'tracked': survival.tracked, 'found_again': survival.found_again, 'motion': survival.motion}
 

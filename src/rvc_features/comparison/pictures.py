@@ -11,7 +11,9 @@ import numpy as np
 
 from rvc_features.comparison import measures
 from rvc_features.comparison.contestants import Contestant
+from rvc_features.comparison.correspondences import CommonRegion
 from rvc_features.comparison.datasets import Pair
+from rvc_features.comparison.survival import Survival
 
 # BGR. Blue and orange are told apart by colour-blind readers too.
 AGAIN, NOT_AGAIN, NOT_SEEN = (235, 140, 30), (0, 120, 255), (150, 150, 150)
@@ -59,14 +61,14 @@ def _picture(pair: Pair, contestant: Contestant, points: int, epsilon: float, wi
     colours = np.tile(np.array(AGAIN), (len(second), 1))
     caption = f'{len(second)} points'
     if pair.second is not None and pair.homography is not None:
-        region = measures.CommonRegion(first, second, pair.homography, pair.first.shape, second_image.shape)
+        region = CommonRegion(first, second, pair.homography, pair.first.shape, second_image.shape)
         _, again, _ = measures.found_again(region, epsilon)
         colours[:] = NOT_SEEN
         colours[region.second] = NOT_AGAIN
         colours[again] = AGAIN
         caption = f'{len(again)} of {min(len(region.first), len(region.second))} found again, {epsilon:g} px'
     elif pair.second is not None:
-        survival = measures.Survival(first, second, pair.first, second_image, [epsilon])
+        survival = Survival(first, second, pair.first, second_image, [epsilon])
         if survival.tracked is not None:
             caption += f', {survival.tracked:.0%} of those before survive'
     return Picture(contestant.label, caption, _drawn(second_image, second, colours, width))

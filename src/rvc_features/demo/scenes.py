@@ -1,0 +1,80 @@
+"""What the demo plays, and under which settings: bags of real frames, each shared out among the settings."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rvc_features.recordings.bags import BagImages
+from rvc_features.recordings.image_sources import ImageFiles, Video
+from rvc_features.recordings.make_bag import make_bag
+
+# What is shown, in order; each setting starts from the node's defaults.
+SETTINGS: tuple[tuple[str, dict[str, Any]], ...] = (
+    ('threshold 0.01', {}),
+    ('threshold 0.1', {'threshold': 0.1}),
+    ('strongest 150', {'fixed_number_of_points': True, 'number_of_points': 150}),
+    ('ANMS 150', {'ANMS': True, 'ANMS_points': 150}),
+    ('ANMS 150, window 15', {'ANMS': True, 'ANMS_points': 150, 'window_size': 15}),
+    ('ANMS 150, 4 octaves', {'ANMS': True, 'ANMS_points': 150, 'octaves': 4}),
+)
+
+_EXAMPLES = Path('/usr/share/doc/opencv-doc/examples/data')   # of the Debian package opencv-doc
+_STREET_FRAMES = 60
+
+
+class DemoError(RuntimeError):
+    """The demo can't go on; the text says why."""
+
+
+@dataclass
+class Scene:
+    """A bag to play and how many images it has."""
+
+    name: str
+    bag: Path
+    frames: int
+
+
+@dataclass
+class Phase:
+    """What one setting gave on one scene."""
+
+    scene: str
+    setting: str
+    changes: dict[str, Any]
+    frames: int   # its share of the scene's
+    frames_in: int = 0
+    frames_out: int = 0
+    points: list[int] = field(default_factory=list)
+    milliseconds: list[float] = field(default_factory=list)
+    picture: np.ndarray | None = None
+
+
+def phases_of(scene: Scene) -> list[Phase]:
+    """Every setting, with equal shares of the scene's frames."""
+    ends = [scene.frames * (index + 1) // len(SETTINGS) for index in range(len(SETTINGS))]
+    return [Phase(scene.name, name, changes, end - begin)
+            for (name, changes), begin, end in zip(SETTINGS, [0, *ends], ends) if end > begin]
+
+
+def real_frames(output: Path) -> tuple[list[Scene], str]:
+    """Two bags of real frames: a chessboard held by hand, and a street seen by a fixed camera."""
+    chessboard, street = sorted(_EXAMPLES.glob('left[0-9][0-9].jpg')), _EXAMPLES / 'vtest.avi'
+    if not chessboard or not street.is_file():
+        raise DemoError(f'no frames in {_EXAMPLES}: install the package opencv-doc, or name a bag with --bag')
+    start, topic = time.time(), '/camera/image_raw'
+    scenes = [Scene('chessboard', output / 'chessboard.bag', 0), Scene('street', output / 'street.bag', 0)]
+    scenes[0].frames = make_bag(scenes[0].bag, ImageFiles(chessboard), 2.0, topic, start=start)
+    scenes[1].frames = make_bag(scenes[1].bag, Video(street, _STREET_FRAMES), 10.0, topic,
+                                start=start + scenes[0].frames / 2.0)
+    return scenes, topic
+
+
+def own_bag(bag: str, topic: str | None) -> tuple[list[Scene], str]:
+    images = BagImages(bag, topic)
+    return [Scene(Path(bag).stem[:12], Path(bag), len(images))], images.topic
