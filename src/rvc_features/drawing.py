@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import math
 from typing import Iterator
 
 import cv2
@@ -46,7 +47,8 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
     draw = compiled.stamp if compiler.available() else reference_stamp
     for octave, size, here in _by_octave_and_size(points):
         colour = OCTAVE_COLOURS[octave % len(OCTAVE_COLOURS)]
-        radius = max(size / 2, _LEAST_RADIUS)
+        radius = size / 2 if size / 2 > _LEAST_RADIUS else _LEAST_RADIUS   # which it also is for NaN
+        radius = min(radius, math.hypot(*image.shape[:2]))                 # larger ones are out of sight
         draw(picture, here['x'], here['y'], here['angle'], *_ring(round(radius * 16)), radius, colour)
     return picture
 
@@ -64,11 +66,24 @@ def _by_octave_and_size(points: np.ndarray) -> Iterator[tuple[int, float, np.nda
 @functools.lru_cache(maxsize=256)
 def _ring(sixteenths: int) -> tuple[np.ndarray, np.ndarray]:
     """Pixels of a circle round (0, 0), x and y; the radius comes in sixteenths of a pixel."""
+    if sixteenths > 16 * _LARGEST_CANVAS:
+        return _large_ring(sixteenths / 16)
     middle = sixteenths // 16 + 2
     canvas = np.zeros((2 * middle + 1, 2 * middle + 1), np.uint8)
     cv2.circle(canvas, (middle << 4, middle << 4), sixteenths, (1,), 1, cv2.LINE_8, 4)
     y, x = np.nonzero(canvas)
     return x - middle, y - middle
+
+
+_LARGEST_CANVAS = 256   # pixels: larger circles are not worth a canvas of their own
+
+
+def _large_ring(radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """The same, computed: for each column of the flat part the pixel above and below, and the other way round."""
+    along = np.arange(math.ceil(radius / math.sqrt(2)) + 1)
+    across = np.rint(np.sqrt(radius * radius - along * along)).astype(along.dtype)
+    x, y = np.concatenate((along, across)), np.concatenate((across, along))
+    return np.concatenate((x, -x, x, -x)), np.concatenate((y, y, -y, -y))
 
 
 def reference_stamp(picture: np.ndarray, x: np.ndarray, y: np.ndarray, angle: np.ndarray, ring_x: np.ndarray,

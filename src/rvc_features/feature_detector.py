@@ -40,6 +40,8 @@ class FeatureDetector(ABC):
         ------
         TypeError, ValueError
             When an argument is not as above; the text says what was given.
+        key_points.KeyPointError
+            When the detector itself returns what can't be key points of that image.
         """
         return key_points.to_objects(self.detect_arrays(image, mask))
 
@@ -47,6 +49,7 @@ class FeatureDetector(ABC):
         """The same key points as `detect`, as one structured array of `key_points.DTYPE` (no KeyPoint objects)."""
         grey = as_grey(image)
         found = self.detect_impl(grey, _as_mask(mask, grey.shape))
+        key_points.check(found, grey.shape, self.name)
         return found.take(np.argsort(-found['response'], kind='stable'))
 
     @abstractmethod

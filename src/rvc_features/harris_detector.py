@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from typing import ClassVar, Iterator, NamedTuple
 
@@ -9,6 +10,7 @@ import cv2
 import numpy as np
 
 from rvc_features import filters, key_points, maxima, response
+from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.orientation import direction, smoothed_gradient
 from rvc_features.parameters import Flag, Integer, Real, parameter
@@ -81,7 +83,7 @@ class HarrisDetector(FeatureDetector):
         octaves = list(self.pyramid(image, mask))
         corners = [self.harris_corners(of_octave.image, octave, of_octave.mask, search)
                    for octave, of_octave in enumerate(octaves)]
-        points = self.filter(_joined(corners))
+        points = self.filter(_at_most(MOST_CORNERS, _joined(corners)))
         self.refine(points, octaves)
         self.orient(points, octaves)
         return points
@@ -200,6 +202,7 @@ class HarrisDetector(FeatureDetector):
         return Search(self.minimum_response, threshold=self.threshold)
 
 
+MOST_CORNERS = 250_000   # more than any use needs, and what takes half a second: the filter gets the strongest of more
 SMALLEST_OCTAVE = 8   # pixels: no octave gets smaller than this to either side
 
 
@@ -211,6 +214,7 @@ class Octave(NamedTuple):
 
 
 _maps = ResponseMaps()
+_logger = logging.getLogger('rvc_features')
 
 
 def _joined(corners: list[np.ndarray]) -> np.ndarray:
@@ -218,6 +222,16 @@ def _joined(corners: list[np.ndarray]) -> np.ndarray:
     if len(corners) == 1:
         return corners[0]
     return np.concatenate([of_octave.view(np.uint8) for of_octave in corners]).view(key_points.DTYPE)
+
+
+def _at_most(count: int, corners: np.ndarray) -> np.ndarray:
+    """The strongest `count` corners in the order in which they come; says so if there are more."""
+    if len(corners) <= count:
+        return corners
+    reporter().say(_logger.warning, 'too many corners',
+                   f'only the strongest {count:,} of {len(corners):,} corners are looked at; raise minimum_response '
+                   'or set local_maxima')
+    return corners.take(np.sort(filters.strongest(corners['response'], count)))
 
 
 def _by_octave(points: np.ndarray, octaves: int) -> Iterator[tuple[int, np.ndarray | slice]]:

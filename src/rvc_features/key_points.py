@@ -5,10 +5,13 @@ The array is what the package works on; a `cv2.KeyPoint` costs 0.25 microseconds
 
 from __future__ import annotations
 
-from typing import Sequence, Union
+import math
+from typing import Any, Sequence, Union
 
 import cv2
 import numpy as np
+
+from rvc_features.brief import cut
 
 DTYPE = np.dtype([
     ('x', np.float32),          # position in pixels of the full image; (0, 0) is the centre of the top left pixel
@@ -22,6 +25,40 @@ DTYPE = np.dtype([
 NAMES = ('x', 'y', 'size', 'angle', 'response', 'octave')   # in the order of cv2.KeyPoint's arguments
 
 KeyPoints = Union[np.ndarray, Sequence[cv2.KeyPoint]]
+
+
+class KeyPointError(ValueError):
+    """What a detector returned can't be the key points of its image; the text says which detector, and why."""
+
+
+def check(found: Any, shape: tuple[int, ...], detector: str) -> None:
+    """Raise a KeyPointError unless these are key points of an image of that shape.
+
+    That is a one-dimensional array of `DTYPE`, every number finite, no size below zero, and every point in the image
+    or no further outside than its own size: what draws or sends them, or matches them, can rely on it.
+    """
+    wanted = f'detector {detector!r} must return an array of key_points.DTYPE, one-dimensional; got'
+    if not isinstance(found, np.ndarray):
+        raise KeyPointError(f'{wanted} {type(found).__name__}')
+    if found.dtype != DTYPE or found.ndim != 1:
+        raise KeyPointError(f'{wanted} shape {found.shape} of {cut(str(found.dtype))}')
+    if len(found) == 0:
+        return
+    # Minimum and maximum tell it all: NaN comes through either, and nothing is allocated.
+    for name in NAMES[:-1]:
+        values = found[name]
+        low, high = float(values.min()), float(values.max())
+        if not (math.isfinite(low) and math.isfinite(high)):
+            raise KeyPointError(f'detector {detector!r} returned a key point whose {name} is not finite')
+        if name == 'size' and low < 0:
+            raise KeyPointError(f'detector {detector!r} returned a key point of size {low:g}')
+        if name in ('x', 'y'):
+            length = shape[1] if name == 'x' else shape[0]
+            if low < -0.5 or high > length - 0.5:
+                outside = np.maximum(-0.5 - values, values - (length - 0.5)) > np.maximum(found['size'], 1)
+                if outside.any():
+                    raise KeyPointError(f'detector {detector!r} returned a key point at {name} = '
+                                        f'{float(values[outside][0]):g} in an image of {shape[1]} x {shape[0]} pixels')
 
 
 def empty(count: int = 0) -> np.ndarray:

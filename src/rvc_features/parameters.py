@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from rvc_features.brief import shown
+
 
 @dataclasses.dataclass(frozen=True)
 class Specification:
@@ -149,7 +151,7 @@ def check(name: str, value: Any, specification: Specification) -> Any:
     try:
         return specification.checked(value)
     except (TypeError, ValueError) as error:
-        raise type(error)(f'{name} must be {error}; got {value!r} ({type(value).__name__})') from None
+        raise type(error)(f'{name} must be {error}; got {shown(value)} ({type(value).__name__})') from None
 
 
 def validate(instance: Any) -> None:
@@ -170,6 +172,8 @@ def _finite(value: Any) -> float:
         number = float(value)
     except (TypeError, ValueError):
         raise ValueError('a number') from None
+    except OverflowError:   # an integer beyond what a float can hold
+        raise ValueError('a finite number') from None
     if not math.isfinite(number):
         raise ValueError('a finite number')
     return number

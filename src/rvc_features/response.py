@@ -75,6 +75,8 @@ def response_and_maximum(image: np.ndarray, window_size: int, window: str, harri
 
     `out`, where it is given (float32, contiguous, of the image's shape), is what holds the response afterwards.
     """
+    if derivative_sigma < _LEAST_SIGMA:
+        derivative_sigma = 0.0
     if not _fits_kernel(image, window_size):
         response = reference_response(image, window_size, window, harris_k, derivative_sigma)
         if out is not None:
@@ -124,6 +126,7 @@ def _fits_kernel(image: np.ndarray, window_size: int) -> bool:
 
 
 _LEAST_PIXELS = 1024
+_LEAST_SIGMA = 0.1   # pixels: less smooths nothing, for the neighbours' weight is below 1e-21
 
 
 def _check(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float) -> None:

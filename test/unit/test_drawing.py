@@ -63,6 +63,24 @@ def test_points_at_and_beyond_the_rim():
     assert draw_key_points(np.zeros((80, 100), np.uint8), [point(0, 0), point(99, 79), point(-30, 500)]).any()
 
 
+def test_a_large_circle_is_as_round_as_a_small_one():
+    picture = draw_key_points(np.zeros((900, 900), np.uint8), [point(450, 450, 800)])
+    y, x = np.nonzero(picture.any(axis=2))
+    assert np.abs(np.hypot(x - 450, y - 450) - 400).max() < 0.8
+    quadrants = [((x > 450) == right) & ((y > 450) == low) for right in (True, False) for low in (True, False)]
+    for quadrant in quadrants:   # without a gap: on either diagonal half one pixel for each column or row
+        assert len(set(x[quadrant])) + len(set(y[quadrant])) >= 2 * 400 - 3
+
+
+@pytest.mark.parametrize('size', [5e4, 1e6, 1e30, np.inf, np.nan, -5])
+def test_sizes_beyond_reason_cost_nothing(size):
+    """They ended in a MemoryError."""
+    array = key_points.empty(2)
+    array['x'], array['y'], array['size'], array['angle'] = (50, np.nan), 40, size, 0
+    picture = draw_key_points(np.zeros((80, 100), np.uint8), array)
+    assert picture[40, 50:54].any() or np.isnan(size)   # the ray, at least
+
+
 def test_other_arrays_are_refused():
     with pytest.raises(TypeError, match=r'array of key_points.DTYPE; got an array of float64'):
         draw_key_points(np.zeros((8, 8), np.uint8), np.zeros((3, 2)))

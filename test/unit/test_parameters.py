@@ -38,7 +38,7 @@ def test_nearest(specification, value, previous, expected):
 
 
 @pytest.mark.parametrize(('specification', 'value'), [
-    (ODD, math.nan), (ODD, math.inf), (ODD, 'abc'), (ODD, None), (ODD, [5]),
+    (ODD, math.nan), (ODD, math.inf), (ODD, 10 ** 400), (ODD, 'abc'), (ODD, None), (ODD, [5]),
     (Real('', 0, 1), math.nan), (Real('', 0, 1), -math.inf), (Real('', 0, 1), 'abc'), (Real('', 0, 1), {}),
     (Real('', 0, 1, above_low=True), 0), (Real('', 0, 1, above_low=True), -3),
     (Flag(''), 'abc'), (Flag(''), 2), (Flag(''), math.nan), (Choice('', ('a', 'b')), 'c'), (Choice('', ('a', 'b')), 1),

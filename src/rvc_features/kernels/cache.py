@@ -14,7 +14,10 @@ from typing import Any, Callable
 
 import numba
 
-from rvc_features.kernels.cache_folder import Locator, caching
+try:
+    from numba.core.caching import FunctionCache
+except ImportError:   # Numba before 0.49, as in ROS Noetic's Ubuntu 20.04
+    from numba.caching import FunctionCache  # type: ignore[no-redef]
 
 _UNCACHED = 'each start compiles for some twenty seconds, for compiled kernels can not be kept'
 
@@ -32,11 +35,7 @@ def njit(function: Callable[..., Any], **options: Any) -> Any:
     return compiled
 
 
-class _InOurFolder(caching.CompileResultCacheImpl):
-    _locator_classes = [Locator]  # noqa: RUF012  (as in the base class)
-
-
-class SoundCache(caching.FunctionCache):
+class SoundCache(FunctionCache):
     """The cache of one kernel; takes the place of the one that `njit(cache=True)` makes.
 
     Parameters
@@ -44,8 +43,6 @@ class SoundCache(caching.FunctionCache):
     function : callable
         As written in Python, not compiled.
     """
-
-    _impl_class = _InOurFolder
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)

@@ -28,12 +28,12 @@ from __future__ import annotations
 
 import importlib
 import sys
-import traceback
 from typing import Any
 
 import cv2
 import rospy
 
+from rvc_features.brief import reporter
 from rvc_features.comparison import live
 from rvc_features.comparison.contestants import ContestantError
 from rvc_features.heap import keep_large_blocks
@@ -44,8 +44,7 @@ from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.newest_worker import NewestWorker
 from rvc_features.nodes.spin import spin
 
-_WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
-_PATIENCE = 1.0         # seconds until the node notices that it has been told to end
+_PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 
 
 class CompareNode:
@@ -53,7 +52,7 @@ class CompareNode:
 
     def __init__(self, side_by_side: live.SideBySide) -> None:
         self.side_by_side = side_by_side
-        self.worker = NewestWorker(self.process, 'compare')
+        self.worker = NewestWorker(self.process, self.frame_failed, 'compare')
         transport, hints = ImageTransport(), known_transport()
         self.input = LazyInput(lambda: transport.subscribe('in', self.worker.put, transport_hints=hints, decode=False),
                                lambda: self.publisher.get_num_subscribers())
@@ -66,9 +65,11 @@ class CompareNode:
             mosaic = self.side_by_side.mosaic(to_array(message, 'bgr8'))
             self.publisher.publish_array(mosaic, 'bgr8', message.header)
         except ImageError as error:
-            rospy.logwarn_throttle(_WARNING_PERIOD, f'image skipped: {error}')
-        except Exception:   # of whatever detector is plugged in: the next frame may be better
-            rospy.logerr_throttle(_WARNING_PERIOD, f'image skipped:\n{traceback.format_exc()}')
+            reporter().say(rospy.logwarn, 'images', f'image skipped: {error}')
+
+    def frame_failed(self, error: BaseException) -> None:
+        """Called with what a detector that is plugged in raises: the next frame may be better."""
+        reporter().say(rospy.logerr, 'detectors', f'image skipped: {type(error).__name__}: {error}')
 
     def run(self) -> None:
         """Subscribe while somebody listens; returns when the node is told to end."""

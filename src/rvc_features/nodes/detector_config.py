@@ -9,6 +9,7 @@ from __future__ import annotations
 from typing import Any
 
 from rvc_features import detectors, parameters
+from rvc_features.brief import shown
 from rvc_features.feature_detector import FeatureDetector
 
 _SHARED = 'number_of_points'
@@ -38,8 +39,8 @@ def settle(config: dict[str, Any], previous: dict[str, Any]) -> list[str]:
     """
     problems = []
     if config['detector'] not in detectors.names():
-        problems.append(f'detector must be one of {", ".join(detectors.names())}; got {config["detector"]!r}, '
-                        f'{previous["detector"]!r} stays')
+        problems.append(f'detector must be one of {", ".join(detectors.names())}; '
+                        f'got {shown(config["detector"])}, {previous["detector"]!r} stays')
         config['detector'] = previous['detector']
     for name in detectors.names():
         for field, specification in parameters.specifications(detectors.get(name)).items():
@@ -49,7 +50,7 @@ def settle(config: dict[str, Any], previous: dict[str, Any]) -> list[str]:
             try:
                 config[entry] = specification.nearest(config[entry], previous[entry])
             except ValueError as error:
-                problems.append(f'{entry} must be {error}; got {config[entry]!r}, {previous[entry]!r} stays')
+                problems.append(f'{entry} must be {error}; got {shown(config[entry])}, {previous[entry]!r} stays')
                 config[entry] = previous[entry]
     return problems
 

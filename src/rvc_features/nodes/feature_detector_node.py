@@ -42,6 +42,7 @@ from diagnostic_updater import Updater
 from sensor_msgs.msg import Image
 
 from rvc_features import key_points
+from rvc_features.brief import reporter, shown
 from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
@@ -57,7 +58,7 @@ from rvc_features.nodes.newest_worker import NewestWorker
 from rvc_features.nodes.sliders import with_detectors
 from rvc_features.nodes.spin import spin
 from rvc_features.nodes.statistics import NodeStatistics
-from rvc_features.reconfigure import ReconfigureServer
+from rvc_features.reconfigure import ReconfigureServer, warn_of_refused
 
 _WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 _REPORT_PERIOD = 1.0    # seconds between two diagnostic messages
@@ -68,19 +69,19 @@ class FeatureDetectorNode:
     """Subscriber, worker and publishers; the detector is one reference that `update_config` swaps."""
 
     def __init__(self) -> None:
-        rospy.loginfo('loading the detector\'s hot loops; where the build has not compiled them, this takes a while')
+        rospy.loginfo('compiling or loading the detector\'s hot loops: some twenty seconds the first time on a machine')
         rospy.loginfo('... took %.1f s', warm_up.compile_all())
         self.statistics = NodeStatistics()
         self._import_detectors(rospy.get_param('~detector_modules', []))
         config_type = with_detectors(FeatureDetectorConfig)
         self.detector = detector_config.create(config_type.defaults)
-        self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameter,
+        self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameters,
                                         settle=detector_config.settle)
 
-        self.worker = NewestWorker(self.process, 'feature_detector')
+        self.worker = NewestWorker(self.process, self.frame_failed, 'feature_detector')
         self._picture = np.empty((0, 0, 3), np.uint8)
         self.image_transport = ImageTransport()
-        self._hints = known_transport(self.reject_parameter)
+        self._hints = known_transport(lambda problem: self.reject_parameters([problem]))
         self._stopping = False
         self.input = LazyInput(self._subscribe, self._listeners)
         self.image_publisher = self.image_transport.advertise(
@@ -100,13 +101,13 @@ class FeatureDetectorNode:
     def update_config(self, config: Any, level: int) -> Any:
         """Callback of dynamic_reconfigure, with sane values: a new detector takes the place of the old one."""
         self.detector = detector_config.create(config)
-        rospy.loginfo('detector: %s', self.detector)
         return config
 
-    def reject_parameter(self, problem: str) -> None:
-        """Count and report a parameter value that was refused."""
-        self.statistics.parameter_rejected()
-        rospy.logwarn('parameter refused: %s', problem)
+    def reject_parameters(self, problems: list[str]) -> None:
+        """Count and report parameter values that were refused."""
+        for _ in problems:
+            self.statistics.parameter_rejected()
+        warn_of_refused(problems)
 
     def image_message_callback(self, message: Any) -> None:
         """Called for each image: only keeps it, for the worker to take the newest."""
@@ -119,12 +120,14 @@ class FeatureDetectorNode:
             points = self._detect_and_publish(message)
         except ImageError as error:
             self.statistics.frame_rejected(str(error))
-            rospy.logwarn_throttle(_WARNING_PERIOD, f'image skipped: {error}')
-        except Exception as error:   # of whatever detector is plugged in: the next frame may be better
-            self.statistics.frame_rejected(f'{type(error).__name__}: {error}')
-            rospy.logerr_throttle(_WARNING_PERIOD, f'image skipped:\n{traceback.format_exc()}')
+            reporter().say(rospy.logwarn, 'images', f'image skipped: {error}')
         else:
             self.statistics.frame_processed(points, time.perf_counter() - start)
+
+    def frame_failed(self, error: BaseException) -> None:
+        """Called with what a detector that is plugged in raises, be it SystemExit: the next frame may be better."""
+        self.statistics.frame_rejected(f'{type(error).__name__}: {error}')
+        reporter().say(rospy.logerr, 'detector', f'image skipped: {type(error).__name__}: {error}')
 
     def report(self, status: Any) -> Any:
         """Fill in the node's diagnostic status."""
@@ -218,7 +221,7 @@ class FeatureDetectorNode:
         if isinstance(modules, str):
             modules = [modules]
         if not isinstance(modules, list):
-            self.reject_parameter(f'~detector_modules must be a list of module names; got {modules!r}')
+            self.reject_parameters([f'~detector_modules must be a list of module names; got {shown(modules)}'])
             return
         for module in modules:
             try:

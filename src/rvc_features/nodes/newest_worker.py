@@ -7,6 +7,7 @@ times old. (No ROS here.)
 from __future__ import annotations
 
 import threading
+import time
 from typing import Any, Callable
 
 _NOTHING = object()
@@ -18,18 +19,24 @@ class NewestWorker:
     Parameters
     ----------
     work : callable
-        Takes one item. It must deal with its own errors.
+        Takes one item.
+    failed : callable
+        Takes whatever `work` raises, be it SystemExit; the thread goes on with the next item.
 
     Attributes
     ----------
     received, dropped : int
         How many items were put, and how many of them gave way to a newer one.
+    busy_since : float or None
+        By time.monotonic, when the item at work was begun.
     """
 
-    def __init__(self, work: Callable[[Any], None], name: str = 'newest_worker') -> None:
+    def __init__(self, work: Callable[[Any], None], failed: Callable[[BaseException], None],
+                 name: str = 'newest_worker') -> None:
         self.received = 0
         self.dropped = 0
-        self._work = work
+        self.busy_since: float | None = None
+        self._work, self._failed = work, failed
         self._slot: Any = _NOTHING
         self._stopped = False
         self._changed = threading.Condition()
@@ -58,4 +65,10 @@ class NewestWorker:
                 if self._stopped:
                     return
                 item, self._slot = self._slot, _NOTHING
-            self._work(item)
+            self.busy_since = time.monotonic()
+            try:
+                self._work(item)
+            except BaseException as error:   # a thread that ends leaves a node that is up and does nothing
+                self._failed(error)
+            item = None   # not to hold what may be large until the next one comes
+            self.busy_since = None
