@@ -3,13 +3,15 @@
 import logging
 import os
 import resource
+import shutil
 from contextlib import contextmanager
+from pathlib import Path
 
 import pytest
 
 numba = pytest.importorskip('numba')
 
-from rvc_features.kernels import cache, compiler  # noqa: E402
+from rvc_features.kernels import cache, cache_folder, compiler  # noqa: E402
 
 if not compiler.available():
     pytest.skip('kernels are turned off', allow_module_level=True)
@@ -137,3 +139,56 @@ def test_nowhere_to_write_is_said_and_kernels_work(monkeypatch, caplog):
 
 def refuse(self, function):
     raise RuntimeError(f'cannot cache function {function.__name__!r}: no locator available')
+
+
+# ---- The folder ----
+
+@pytest.fixture
+def home(tmp_path, monkeypatch):
+    """A user with an empty home and a package that the build has not compiled for."""
+    monkeypatch.setattr(numba.config, 'CACHE_DIR', '')
+    monkeypatch.setenv('XDG_CACHE_HOME', str(tmp_path / 'home'))
+    monkeypatch.setattr(cache_folder.rvc_features, '__path__', [str(tmp_path / 'package')])
+    cache_folder._find.cache_clear()
+    yield tmp_path
+    cache_folder._find.cache_clear()
+
+
+def test_kernels_are_kept_in_the_users_cache_where_nothing_else_is_said(home):
+    assert not loaded()
+    assert loaded()
+    assert file_of(home / 'home' / 'rvc_features', 'nbc')
+
+
+def test_what_the_build_has_compiled_is_read_where_nothing_can_be_written(home, monkeypatch):
+    with monkeypatch.context() as build:
+        build.setattr(numba.config, 'CACHE_DIR', str(home / 'package' / cache_folder.BESIDE_THE_PACKAGE))
+        assert not loaded()
+    monkeypatch.setattr(cache_folder, '_can_be_written', lambda folder: False)
+    assert loaded()
+
+
+def test_a_build_for_another_processor_is_said_once_and_left_alone(home, caplog):
+    other = home / 'package' / cache_folder.BESIDE_THE_PACKAGE / 'rvc_features-of-another'
+    other.mkdir(parents=True)
+    assert not loaded()
+    assert loaded()
+    assert [record.message.split(':')[0] for record in caplog.records] == [
+        'the kernels that the build compiled are for another processor, Numba or state of the source']
+    assert not list(other.iterdir())
+
+
+def test_a_changed_helper_of_kernels_means_another_folder(monkeypatch, tmp_path):
+    """Numba's own cache would keep what was compiled from an older vectors.py."""
+    for path in Path(cache_folder.__file__).parent.glob('*.py'):
+        shutil.copy(path, tmp_path)
+    found = []
+    for change in ('', '# something else\n'):
+        with open(tmp_path / 'vectors.py', 'a') as file:
+            file.write(change)
+        monkeypatch.setattr(cache_folder, '__file__', str(tmp_path / 'cache_folder.py'))
+        cache_folder.fingerprint.cache_clear()
+        found.append(cache_folder.fingerprint())
+    monkeypatch.undo()
+    cache_folder.fingerprint.cache_clear()
+    assert found[0] == cache_folder.fingerprint() != found[1]

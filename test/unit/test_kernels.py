@@ -283,23 +283,6 @@ def test_disabled_compiler_counts_as_no_numba():
     assert run(DETECT, NUMBA_DISABLE_JIT='1')[-1] == 'available False True'
 
 
-@compiled
-def test_no_place_for_a_cache_is_no_reason_to_fail():
-    code = '''
-        from numba.core import caching
-        class Nowhere(caching._CacheLocator):
-            @classmethod
-            def from_function(cls, function, path):
-                return None
-        caching.CacheImpl._locator_classes = [Nowhere]
-        caching.FunctionCache._impl_class._locator_classes = [Nowhere]
-        from rvc_features import maxima
-        import numpy as np
-        print(maxima.local_maxima(np.eye(3, dtype=np.float32), 0.5)[0].tolist())
-    '''
-    assert run(code) == ['[0]']
-
-
 @pytest.mark.parametrize('local_maxima', [True, False])
 @pytest.mark.parametrize('masked', [False, True])
 @pytest.mark.parametrize('number', [0, 1, 30, 200, 100000])

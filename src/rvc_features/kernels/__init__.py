@@ -2,6 +2,7 @@
 
     response, maxima, orientation, drawing: twins of the modules of that name; sorting, suppression: of filters
     compiler: the decorator, and what all share; rows, vectors: what kernels over whole images are made of
+    cache, cache_folder: what was compiled, kept on disk
     warm_up: compiles all of them before the first frame
 
 Nothing here is needed: where Numba is missing or does not work, `compiler.available()` is False, one line in the log

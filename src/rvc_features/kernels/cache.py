@@ -14,10 +14,7 @@ from typing import Any, Callable
 
 import numba
 
-try:
-    from numba.core.caching import FunctionCache
-except ImportError:   # Numba before 0.49, as in ROS Noetic's Ubuntu 20.04
-    from numba.caching import FunctionCache  # type: ignore[no-redef]
+from rvc_features.kernels.cache_folder import Locator, caching
 
 _UNCACHED = 'each start compiles for some twenty seconds, for compiled kernels can not be kept'
 
@@ -35,7 +32,11 @@ def njit(function: Callable[..., Any], **options: Any) -> Any:
     return compiled
 
 
-class SoundCache(FunctionCache):
+class _InOurFolder(caching.CompileResultCacheImpl):
+    _locator_classes = [Locator]  # noqa: RUF012  (as in the base class)
+
+
+class SoundCache(caching.FunctionCache):
     """The cache of one kernel; takes the place of the one that `njit(cache=True)` makes.
 
     Parameters
@@ -43,6 +44,8 @@ class SoundCache(FunctionCache):
     function : callable
         As written in Python, not compiled.
     """
+
+    _impl_class = _InOurFolder
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)

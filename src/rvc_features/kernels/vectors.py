@@ -8,9 +8,6 @@ differs between versions; a loop over these is what it says everywhere. Sixteen 
 according to the processor and their type: LLVM splits them as needed.
 
 Indices count elements from the beginning of a contiguous array of any number of dimensions. Nothing checks them.
-
-Numba's cache notices only when the file of the kernel itself changes: who changes this one touches the others, or
-empties the cache, as `./run` does.
 """
 
 from __future__ import annotations

@@ -1,4 +1,9 @@
-"""Compile the kernels before the first frame, which would wait for them otherwise."""
+"""Compile the kernels before the first frame, which would wait for them otherwise.
+
+    python3 -m rvc_features.kernels.warm_up
+
+is what the build calls, so that not even the first start on a machine has to.
+"""
 
 from __future__ import annotations
 
@@ -10,9 +15,10 @@ from rvc_features.kernels import compiler, drawing, maxima, orientation, respons
 
 
 def compile_all() -> float:
-    """Compile what a detector needs for uint8 images, or load it from Numba's cache; the seconds it took.
+    """Compile what a detector needs for uint8 images, or load it from the cache; the seconds it took.
 
-    Without this the first frame waits for it: some twenty seconds the first time on a machine, half a second later.
+    Without this the first frame waits for it: some twenty seconds where the build has not compiled for this machine,
+    half a second otherwise.
     """
     start = time.perf_counter()
     if compiler.available():
@@ -30,3 +36,7 @@ def compile_all() -> float:
         drawing.stamp(np.zeros((40, 40, 3), np.uint8), x, y, responses, *ring, 2.0, (0, 0, 0))
         suppression.suppression_radii(points, suppression.significantly_stronger(responses, 0.9), 1)
     return time.perf_counter() - start
+
+
+if __name__ == '__main__':
+    print(f'kernels compiled in {compile_all():.1f} s' if compiler.available() else 'no Numba: no kernels compiled')

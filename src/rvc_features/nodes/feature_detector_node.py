@@ -69,7 +69,7 @@ class FeatureDetectorNode:
     """Subscriber, worker and publishers; the detector is one reference that `update_config` swaps."""
 
     def __init__(self) -> None:
-        rospy.loginfo('compiling or loading the detector\'s hot loops: some twenty seconds the first time on a machine')
+        rospy.loginfo('loading the detector\'s hot loops; where the build has not compiled them, this takes a while')
         rospy.loginfo('... took %.1f s', warm_up.compile_all())
         self.statistics = NodeStatistics()
         self._import_detectors(rospy.get_param('~detector_modules', []))
