@@ -11,7 +11,7 @@ from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
 @detectors.register
 @dataclass(frozen=True)
 class CentreDetector(FeatureDetector):
-    """One point, in the middle."""
+    """One point, in the middle, if there is anything to see."""
 
     name: ClassVar[str] = 'centre'
 
@@ -24,8 +24,12 @@ class CentreDetector(FeatureDetector):
     def detect_impl(self, image, mask):
         if self.fail:
             raise RuntimeError('told to fail')
-        found = key_points.empty(1)
+        height, width = image.shape
+        x, y = 0.0, 0.0
         if self.place == 'middle':
-            found['x'], found['y'] = image.shape[1] / 2 + self.offset, image.shape[0] / 2
-        found['size'] = self.size
+            x, y = min(width / 2 + self.offset, width - 1), min(height / 2, height - 1)
+        if image.min() == image.max() or (mask is not None and mask[int(y), int(x)] == 0):
+            return key_points.empty()
+        found = key_points.empty(1)
+        found['x'], found['y'], found['size'] = x, y, self.size
         return found

@@ -156,14 +156,18 @@ class HarrisDetector(FeatureDetector):
             positions, corners['response'], self.anms_points, self.anms_robustness))
 
     def refine(self, points: np.ndarray, octaves: list[Octave]) -> None:
-        """Move points to where the response of their octave is largest between the pixels."""
+        """Move points to where the response of their octave is largest between the pixels, but not under the mask."""
         if not (self.local_maxima and self.subpixel):
             return
+        mask = octaves[0].mask
         for octave, here in _by_octave(points, len(octaves)):
             h = _maps.of_octave(octave, octaves[octave].image.shape)
-            x, y = (points[name][here].astype(np.int64) >> octave for name in 'xy')
-            x, y = maxima.refine(h, x, y)
-            points['x'][here], points['y'][here] = x * (1 << octave), y * (1 << octave)
+            x, y = (points[name][here].astype(np.int64) for name in 'xy')
+            to_x, to_y = (moved * (1 << octave) for moved in maxima.refine(h, x >> octave, y >> octave))
+            if mask is not None:
+                allowed = mask[np.rint(to_y).astype(np.intp), np.rint(to_x).astype(np.intp)] != 0
+                to_x, to_y = np.where(allowed, to_x, x), np.where(allowed, to_y, y)
+            points['x'][here], points['y'][here] = to_x, to_y
 
     def orient(self, points: np.ndarray, octaves: list[Octave]) -> None:
         """Give each point the direction of the gradient in its octave, taken with the larger kernel."""

@@ -24,15 +24,15 @@ class _OpenCVDetector(FeatureDetector):
 
     number_of_points: int
 
-    def create(self) -> cv2.Feature2D:
-        """OpenCV's detector with these parameters."""
+    def create(self, shape: tuple[int, ...]) -> cv2.Feature2D:
+        """OpenCV's detector with these parameters, for images of that shape."""
         raise NotImplementedError
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         if self.number_of_points == 0:
             return key_points.empty()   # OpenCV takes 0 for "no limit"
-        found = key_points.from_objects(self.create().detect(image, mask))
-        return found[filters.strongest(found['response'], self.number_of_points)]
+        found = key_points.from_objects(self.create(image.shape).detect(image, mask))
+        return found.take(filters.strongest(found['response'], self.number_of_points))
 
 
 @dataclass(frozen=True)
@@ -50,7 +50,7 @@ class GoodFeaturesToTrackDetector(_OpenCVDetector):
     use_harris: bool = parameter(False, Flag('Harris response instead of the smaller eigenvalue.'))
     harris_k: float = parameter(0.04, HARRIS_K)
 
-    def create(self) -> cv2.Feature2D:
+    def create(self, shape: tuple[int, ...]) -> cv2.Feature2D:
         return cv2.GFTTDetector_create(self.number_of_points, self.quality_level, self.minimum_distance,
                                        self.block_size, self.gradient_size, self.use_harris, self.harris_k)
 
@@ -74,7 +74,7 @@ class FastDetector(_OpenCVDetector):
     type: str = parameter('9_16', Choice('How many of how many pixels on the circle must differ.',
                                          ('5_8', '7_12', '9_16')))
 
-    def create(self) -> cv2.Feature2D:
+    def create(self, shape: tuple[int, ...]) -> cv2.Feature2D:
         kind = getattr(cv2, f'FAST_FEATURE_DETECTOR_TYPE_{self.type}')
         return cv2.FastFeatureDetector_create(self.threshold, self.nonmax_suppression, kind)
 
@@ -92,7 +92,10 @@ class OrbDetector(_OpenCVDetector):
     score: str = parameter('harris', Choice('What the points are ranked by.', ('harris', 'fast')))
     fast_threshold: int = parameter(20, Integer('Threshold of the FAST detector.', 1, 255))
 
-    def create(self) -> cv2.Feature2D:
+    def create(self, shape: tuple[int, ...]) -> cv2.Feature2D:
         score = cv2.ORB_HARRIS_SCORE if self.score == 'harris' else cv2.ORB_FAST_SCORE
-        return cv2.ORB_create(nfeatures=self.number_of_points, scaleFactor=self.scale_factor, nlevels=self.levels,
-                              edgeThreshold=self.edge_threshold, scoreType=score, fastThreshold=self.fast_threshold)
+        # OpenCV fails on levels without pixels.
+        most = 1 + int(np.log(min(shape)) / np.log(self.scale_factor))
+        return cv2.ORB_create(nfeatures=self.number_of_points, scaleFactor=self.scale_factor,
+                              nlevels=min(self.levels, most), edgeThreshold=self.edge_threshold, scoreType=score,
+                              fastThreshold=self.fast_threshold)
