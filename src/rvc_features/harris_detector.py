@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from typing import ClassVar, Iterator, NamedTuple
+from typing import Callable, ClassVar, Iterator, NamedTuple
 
 import cv2
 import numpy as np
@@ -79,7 +79,7 @@ class HarrisDetector(FeatureDetector):
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Corners of every octave, one filter over all of them together, then position and direction of those left."""
-        search = self._search()
+        _, search = self._chosen_filter()
         octaves = list(self.pyramid(image, mask))
         corners = [self.harris_corners(of_octave.image, octave, of_octave.mask, search)
                    for octave, of_octave in enumerate(octaves)]
@@ -132,13 +132,12 @@ class HarrisDetector(FeatureDetector):
             search.next_must_beat(corners['response'])
         return corners
 
-    # `take` and not an index: NumPy picks whole records forty times as fast that way.
-
     def filter(self, corners: np.ndarray) -> np.ndarray:
         """Those of the corners of all octaves that become key points, strongest or most widely spread first."""
-        if self.anms:
-            return self.adaptive_non_maximal_suppression(corners)
-        return self.strongest(corners) if self.fixed_number_of_points else self.above_threshold(corners)
+        chosen, _ = self._chosen_filter()
+        return chosen(corners)
+
+    # `take` and not an index: NumPy picks whole records forty times as fast that way.
 
     def above_threshold(self, corners: np.ndarray) -> np.ndarray:
         """Corners above `threshold` times the largest response."""
@@ -197,13 +196,13 @@ class HarrisDetector(FeatureDetector):
             x, y = x[allowed], y[allowed]
         return x, y
 
-    def _search(self) -> Search:
-        """What the filter that is chosen can't let pass."""
+    def _chosen_filter(self) -> tuple[Callable[[np.ndarray], np.ndarray], Search]:
+        """The filter that the parameters choose, and a search that leaves out what it can't let pass."""
         if self.anms:
-            return Search(self.minimum_response)
+            return self.adaptive_non_maximal_suppression, Search(self.minimum_response)
         if self.fixed_number_of_points:
-            return Search(self.minimum_response, number=self.number_of_points)
-        return Search(self.minimum_response, threshold=self.threshold)
+            return self.strongest, Search(self.minimum_response, number=self.number_of_points)
+        return self.above_threshold, Search(self.minimum_response, threshold=self.threshold)
 
 
 MOST_CORNERS = 250_000   # more than any use needs, and what takes half a second: the filter gets the strongest of more

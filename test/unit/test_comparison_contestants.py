@@ -18,7 +18,7 @@ def test_the_command_line_form():
 
 
 @pytest.mark.parametrize(('text', 'expected'), [
-    ('harriss', "unknown detector 'harriss'; there are fast, good_features_to_track, harris, orb"),
+    ('harriss', "unknown detector 'harriss'; there are fast, good_features_to_track, harris"),
     ('harris:windowsize=7', "harris has no parameter 'windowsize'; it has window_size, "),
     ('harris:window_size=8', "window_size must be an odd integer of at least 3"),
     ('harris:window_size=big', "window_size must be an odd integer of at least 3; got 'big' (str)"),
