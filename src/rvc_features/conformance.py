@@ -159,14 +159,9 @@ TEXTURE = _texture()
 
 
 def _detect(detector: FeatureDetector, image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
-    """Points of an image, whatever it is, with what must hold for each of them."""
+    """Points of an image, whatever it is, with what must hold for each beyond what `detect_arrays` checks itself."""
     points = detector.detect_arrays(image, mask)
-    _require(isinstance(points, np.ndarray) and points.dtype == key_points.DTYPE and points.ndim == 1,
-             f'points must be a one-dimensional array of key_points.DTYPE; got {type(points).__name__} of '
-             f'{getattr(points, "dtype", "no type")}')
     height, width = image.shape[:2]
-    for name in key_points.NAMES:
-        _require(bool(np.isfinite(points[name]).all()), f'{name} holds NaN or infinity')
     for name, length in (('x', width), ('y', height)):
         _require(bool(((points[name] >= 0) & (points[name] <= length - 1)).all()),
                  f'{name} lies outside the image of {width} x {height}')
