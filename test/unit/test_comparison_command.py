@@ -52,7 +52,8 @@ def environment():
 
 def start(*arguments):
     return subprocess.Popen([sys.executable, '-m', 'rvc_features.comparison.command', *map(str, arguments)],
-                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment())
+                            stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=environment(),
+                            start_new_session=True)
 
 
 # Numbers ------------------------------------------------------------------------------------------------------------
@@ -261,9 +262,17 @@ def test_a_second_call_gives_the_same_report(photograph, uninterrupted, capsys):
     assert {path: path.stat().st_mtime_ns for path in results_in(uninterrupted)} == times
 
 
-@pytest.mark.parametrize(('number', 'workers'), [(signal.SIGKILL, 1), (signal.SIGKILL, 2), (signal.SIGTERM, 2),
-                                                 (signal.SIGINT, 1)])
-def test_it_goes_on_after_an_interruption(photograph, uninterrupted, tmp_path, number, workers):
+def workers_of(process):
+    """The processes that measure, of a running comparison."""
+    children = Path(f'/proc/{process.pid}/task/{process.pid}/children').read_text().split()
+    return [int(child) for child in children if b'spawn_main' in Path(f'/proc/{child}/cmdline').read_bytes()]
+
+
+@pytest.mark.parametrize(('number', 'of', 'workers'), [
+    (signal.SIGKILL, 'parent', 1), (signal.SIGKILL, 'parent', 2), (signal.SIGTERM, 'parent', 2),
+    (signal.SIGINT, 'parent', 1), (signal.SIGTERM, 'group', 2), (signal.SIGINT, 'group', 2),
+    (signal.SIGKILL, 'worker', 2)])
+def test_it_goes_on_after_an_interruption(photograph, uninterrupted, tmp_path, number, of, workers):
     arguments = ('--photograph', photograph, '--output', tmp_path, *QUICK, '--workers', workers)
     process = start(*arguments)
     try:
@@ -272,24 +281,33 @@ def test_it_goes_on_after_an_interruption(photograph, uninterrupted, tmp_path, n
             assert process.poll() is None, process.communicate()[1]
             assert time.monotonic() < deadline
             time.sleep(0.002)
-        process.send_signal(number)
-        _, errors = process.communicate(timeout=60)
+        measuring = workers_of(process)
+        if of == 'group':
+            os.killpg(process.pid, number)
+        else:
+            os.kill(process.pid if of == 'parent' else measuring[0], number)
+        _, errors = process.communicate(timeout=10)    # the pipes end with the last worker: none is left behind
     finally:
         process.kill()
-    finished = results_in(tmp_path)
-    if number == signal.SIGKILL:
+        process.communicate()
+    assert len(measuring) == (workers if workers > 1 else 0)
+    if of == 'worker':
+        assert process.returncode == 1
+        assert 'a worker process has died, perhaps for lack of memory (ended by SIGKILL)' in errors
+    elif number == signal.SIGKILL:
         assert process.returncode == -signal.SIGKILL
     else:
         assert process.returncode == 128 + number
         assert errors.splitlines()[-1].endswith('and the same command goes on from there.')
-        assert 'Traceback' not in errors
+    assert 'Traceback' not in errors
+    finished = results_in(tmp_path)
     assert 3 <= len(finished) < len(results_in(uninterrupted))
     assert not (tmp_path / 'report.html').exists()
 
     finished[0].write_text(finished[0].read_text()[:50])        # torn, as by a full disk
     finished[1].write_text('[]')
     kept = {path: path.stat().st_mtime_ns for path in finished[2:]}
-    assert main(*arguments) == 0
+    assert main(*arguments[:-1], 1) == 0       # how many workers there are decides no number
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert [path.name for path in results_in(tmp_path)] == [path.name for path in results_in(uninterrupted)]
     assert without_times(read_csv(tmp_path / 'pairs.csv')) == without_times(read_csv(uninterrupted / 'pairs.csv'))

@@ -7,8 +7,9 @@ import multiprocessing
 import os
 import signal
 import threading
-from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Executor, Future
 from multiprocessing import connection
+from queue import SimpleQueue
 from typing import Any, Callable, Iterator
 
 
@@ -32,10 +33,7 @@ def executor_for(workers: int, dask_scheduler: str | None) -> Iterator[tuple[Exe
             # `pure=False`: equal jobs are told apart by us already, and hashing the images twice would cost time.
             yield client.get_executor(pure=False), sum(client.nthreads().values())
         return
-    # Spawned, not forked: OpenCV's and Numba's threads don't survive a fork.
-    executor = SerialExecutor() if workers == 1 else \
-        ProcessPoolExecutor(workers, multiprocessing.get_context('spawn'), _start_worker)
-    with executor:
+    with SerialExecutor() if workers == 1 else WorkerProcesses(workers) as executor:
         yield executor, workers
 
 
@@ -49,6 +47,96 @@ class SerialExecutor(Executor):
         except Exception as error:
             future.set_exception(error)
         return future
+
+
+class WorkerProcesses(Executor):
+    """Processes of this machine, each with a pipe and a thread of its own that sends one job after the other.
+
+    Where one of them dies (for lack of memory, or killed), its job's future raises BrokenExecutor at once, which
+    `concurrent.futures.ProcessPoolExecutor` of some Python versions waits for in vain while a large job is being sent.
+    `shutdown` ends the processes whatever they do: who leaves before the results are there wants none of them.
+    """
+
+    def __init__(self, workers: int) -> None:
+        self._jobs: SimpleQueue = SimpleQueue()
+        self._processes = []
+        self._threads = []
+        context = multiprocessing.get_context('spawn')   # OpenCV's and Numba's threads don't survive a fork
+        for _ in range(workers):
+            ours, theirs = context.Pipe()
+            process = context.Process(target=_work, args=(theirs,), daemon=True)
+            process.start()
+            theirs.close()   # or the end of the process would not end the pipe
+            thread = threading.Thread(target=self._serve, args=(process, ours), daemon=True)
+            thread.start()
+            self._processes.append(process)
+            self._threads.append(thread)
+
+    def submit(self, function: Callable, *arguments: Any, **named: Any) -> Future:   # type: ignore[override]
+        future: Future = Future()
+        self._jobs.put((future, (function, arguments, named)))
+        return future
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        for process in self._processes:
+            process.kill()
+        for _ in self._threads:
+            self._jobs.put(None)
+        for process in self._processes:
+            process.join()
+
+    def _serve(self, process: Any, pipe: connection.Connection) -> None:
+        for future, job in iter(self._jobs.get, None):
+            if not future.set_running_or_notify_cancel():
+                continue
+            try:
+                pipe.send(job)
+                result, error = pipe.recv()
+            except (EOFError, OSError):
+                process.join()
+                future.set_exception(BrokenExecutor(_how_it_ended(process.exitcode)))
+                return
+            except Exception as failure:   # a job that can't be sent
+                result, error = None, failure
+            if error is None:
+                future.set_result(result)
+            else:
+                future.set_exception(error)
+
+
+def _work(pipe: connection.Connection) -> None:
+    """In each worker process: jobs from the pipe until it ends."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)   # Ctrl-C is for the parent
+    _end_with_the_parent()
+    while True:
+        try:
+            function, arguments, named = pipe.recv()
+        except EOFError:
+            return
+        answer: tuple[Any, Exception | None]
+        try:
+            answer = function(*arguments, **named), None
+        except Exception as error:
+            answer = None, error
+        pipe.send(answer)
+
+
+def _end_with_the_parent() -> None:
+    """End this process when its parent does, however that ended and whatever is being done here."""
+    parent = multiprocessing.parent_process()
+
+    def watch() -> None:
+        if parent is not None:
+            connection.wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _how_it_ended(exit_code: int | None) -> str:
+    if exit_code is not None and exit_code < 0:
+        return f'ended by {signal.Signals(-exit_code).name}'
+    return f'ended with status {exit_code}'
 
 
 class DaskError(RuntimeError):
@@ -73,16 +161,3 @@ def _dask_client(address: str) -> Any:
 
 
 _DASK_TIMEOUT = 10   # seconds
-
-
-def _start_worker() -> None:
-    """In each worker process: leave Ctrl-C to the parent, and end when the parent does, however it ended."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    parent = multiprocessing.parent_process()
-
-    def watch() -> None:
-        if parent is not None:
-            connection.wait([parent.sentinel])
-            os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()

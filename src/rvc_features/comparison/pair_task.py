@@ -13,6 +13,7 @@ import os
 import platform
 import sys
 import time
+import traceback
 import xml.etree.ElementTree as ElementTree
 from typing import Any, Sequence
 
@@ -20,7 +21,7 @@ import cv2
 import numpy as np
 
 from rvc_features.comparison import contestants, measures
-from rvc_features.comparison.contestants import Contestant
+from rvc_features.comparison.contestants import Contestant, ContestantError
 from rvc_features.comparison.correspondences import CommonRegion
 from rvc_features.comparison.datasets import Pair
 from rvc_features.comparison.survival import Survival
@@ -154,7 +155,7 @@ def _detected(group: Sequence[Contestant], pictures: Sequence[np.ndarray],
     """
     points, milliseconds = [], []
     for image in pictures:
-        points.append([contestant.detect(image) for contestant in group])
+        points.append([_first_found(contestant, image) for contestant in group])
         times: list[list[float]] = [[] for _ in group]
         for _ in range(repeats):
             for number, contestant in enumerate(group):
@@ -163,6 +164,16 @@ def _detected(group: Sequence[Contestant], pictures: Sequence[np.ndarray],
                 times[number].append(round((time.perf_counter() - start) * 1000, 4))
         milliseconds.append(times)
     return points, milliseconds
+
+
+def _first_found(contestant: Contestant, image: np.ndarray) -> np.ndarray:
+    try:
+        return contestant.detect(image)
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        raise ContestantError(f'{contestant.label}: fails on an image of {image.shape[1]}x{image.shape[0]} pixels: '
+                              f'{type(error).__name__}: {" ".join(str(error).split())} '
+                              f'({where.filename}, line {where.lineno})') from error
 
 
 def _sweeps(group: Sequence[Contestant], image: np.ndarray, settings: Settings) -> list[list[tuple[int, float]]]:

@@ -32,7 +32,8 @@ def run(datasets: Sequence[Dataset], settings: Settings, store: Store, executor:
     under_way: dict[Future, str] = {}
 
     def collect(futures: Sequence[Future], dataset: Dataset) -> None:
-        for future in futures:
+        # What has failed comes last, so that no result beside it is lost.
+        for future in sorted(futures, key=lambda each: each.exception() is not None):
             key = under_way.pop(future)
             results[key] = future.result()
             store.save(key, results[key])
