@@ -22,7 +22,7 @@ from sensor_msgs.msg import Image
 from rvc_features import detectors
 from rvc_features.image_transport.messages import to_array
 from rvc_features.recordings.bags import BagImages
-from rvc_features.recordings.image_sources import SourceError
+from rvc_features.recordings.image_sources import SourceError, Video
 
 CALIBRATION = {
     'image_width': 320, 'image_height': 240, 'distortion_model': 'plumb_bob',
@@ -77,13 +77,64 @@ class TestTools(unittest.TestCase):
                 ([self.bag, str(self.folder)], 'no images in this folder'),
                 ([self.bag, str(self.folder / 'frames'), '--camera-info', __file__], 'not a camera calibration'),
                 ([str(self.folder / 'none' / 'x.bag'), str(self.folder / 'frames')], 'No such file or directory'),
-                ([self.bag, str(self.folder / 'frames'), '--rate', '0'], "argument --rate: invalid"),
-                ([self.bag, str(self.folder / 'frames'), '--topic', 'a b'], "'a b' is not a topic name")):
+                ([self.bag, str(self.folder / 'frames'), '--rate', '0'], "--rate: must be a positive number; got '0'"),
+                ([self.bag, str(self.folder / 'frames'), '--rate', '1e-9'], 'give another --start, or a higher --rate'),
+                ([self.bag, str(self.folder / 'frames'), '--topic', 'a b'], "'a b' is not a topic name"),
+                ([self.bag, str(self.folder / 'frames'), '--topic', ''], "'' is not a topic name"),
+                (['my.avi', str(self.folder / 'frames')], "its name must end in .bag; got 'my.avi'")):
             result = run('make_bag', *arguments)
             self.assertEqual(result.returncode, 2)
             self.assertIn(text, result.stderr)
             self.assertNotIn('Traceback', result.stderr)
             self.assertFalse(Path(self.bag).exists())
+
+    def test_make_bag_replaces_nothing_unasked(self):
+        Path(self.bag).write_text('precious')
+        (self.folder / 'made.bag.part').symlink_to(self.folder / 'made.bag')    # what an earlier version wrote through
+        refused = run('make_bag', self.bag, str(self.folder / 'frames'))
+        self.assertEqual(refused.returncode, 2)
+        self.assertEqual(refused.stderr, f'make_bag: {self.bag}: there is such a file already; name another, or give '
+                                         '--force\n')
+        self.assertEqual(Path(self.bag).read_text(), 'precious')
+        self.make_bag('--force')
+        self.assertEqual(len(BagImages(self.bag)), 6)
+        self.assertTrue((self.folder / 'made.bag.part').is_symlink())
+
+    def test_unmake_bag_is_the_inverse(self):
+        stamps = [1305031102_175304000 + 33_333_333 * number for number in range(6)]
+        frames = self.folder / 'stamped'
+        frames.mkdir()
+        for stamp, image in zip(stamps, self.images):
+            cv2.imwrite(str(frames / f'{stamp}.png'), image)        # as EuRoC names its files
+        made = run('make_bag', self.bag, str(frames))
+        self.assertEqual(made.returncode, 0, made.stderr)
+        self.assertIn('6 frames on /camera/image_raw, at the times that came with the images, 0.167 s', made.stdout)
+        with rosbag.Bag(self.bag) as bag:
+            self.assertEqual([message.header.stamp.to_nsec() for _, message, _ in bag.read_messages()], stamps)
+
+        back = self.folder / 'back'
+        result = run('unmake_bag', self.bag, str(back))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        self.assertEqual(sorted(path.name for path in back.iterdir()),
+                         [f'{stamp // 10 ** 9}.{stamp % 10 ** 9:09}.png' for stamp in stamps])
+        for path, image in zip(sorted(back.iterdir()), self.images):
+            np.testing.assert_array_equal(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), image)
+        again = run('make_bag', str(self.folder / 'again.bag'), str(back))
+        self.assertEqual(again.returncode, 0, again.stderr)
+        with rosbag.Bag(str(self.folder / 'again.bag')) as bag:
+            self.assertEqual([message.header.stamp.to_nsec() for _, message, _ in bag.read_messages()], stamps)
+
+        refused = run('unmake_bag', self.bag, str(back))
+        self.assertEqual(refused.returncode, 2)
+        self.assertIn('there is such a file already; name another place, or give --force', refused.stderr)
+        video = self.folder / 'video.avi'
+        result = run('unmake_bag', self.bag, str(video))
+        self.assertEqual(result.returncode, 0, result.stderr)
+        source = Video(video)
+        self.assertAlmostEqual(source.rate, 30, delta=0.1)
+        for frame, image in zip(source, self.images):
+            self.assertLess(np.abs(frame.image[:, :, 0].astype(int) - image).mean(), 8)     # compressed as JPEG
+        self.assertEqual(len(source), 6)
 
     def test_bags_that_can_not_be_read_are_named(self):
         self.make_bag()

@@ -22,7 +22,8 @@ MAY_IMPORT = {
     'demo': {'top', 'image_transport', 'recordings'},
 }
 # Modules that work where no ROS is installed.
-WITHOUT_ROS = {'kernels', 'top', 'comparison', 'recordings.image_sources', 'nodes.detector_config', 'nodes.sliders',
+WITHOUT_ROS = {'kernels', 'top', 'comparison', 'recordings.image_sources', 'recordings.file_times',
+               'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config', 'nodes.sliders',
                'nodes.newest_worker', 'nodes.statistics'}
 TOP_WITH_ROS = {'reconfigure'}
 MOST_LINES = 320

@@ -11,7 +11,7 @@ What is measured
     and a homography. survival: the same without ground truth. pair_task: everything on one pair, as one job.
 How it is run
     runner: pairs through an executor. executors: this process, several, a Dask cluster. results: kept on disk one by
-    one. command: the command line.
+    one. command: the command line; compare: what it does.
 What is told
     intervals: how far chance reaches. columns, tables, summary: results gathered. page with charts and pictures,
     text_tables, csv_tables: how they look. report: all of its files.

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
-from typing import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Callable, Iterator, Sequence
 
-import numpy as np
+if TYPE_CHECKING:   # quick to import, for the command line needs it
+    import numpy as np
 
 SEQUENCE, SYNTHETIC, FRAMES = 'sequence', 'synthetic', 'frames'
 KINDS = 'auto', 'sequence', 'images', 'video', 'bag'

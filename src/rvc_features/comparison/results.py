@@ -9,8 +9,9 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import tempfile
 from typing import Any
+
+from rvc_features.recordings.whole_files import whole_file
 
 
 @dataclasses.dataclass(frozen=True)
@@ -51,15 +52,6 @@ class Store:
 
 def write_whole(path: str, content: str | bytes) -> None:
     """Write a file so that at any moment there is the old one or the new one, never half of one."""
-    data = content.encode() if isinstance(content, str) else content
-    handle, temporary = tempfile.mkstemp(prefix='.', suffix='.part', dir=os.path.dirname(path) or '.')
-    try:
-        with os.fdopen(handle, 'wb') as file:
-            file.write(data)
-        mask = os.umask(0)
-        os.umask(mask)
-        os.chmod(temporary, 0o666 & ~mask)   # mkstemp's files are for the owner alone
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with whole_file(path) as unfinished:
+        # A file's name may hold bytes that are no text; they become question marks.
+        unfinished.write_bytes(content.encode(errors='replace') if isinstance(content, str) else content)

@@ -7,8 +7,6 @@ import sys
 from concurrent.futures import FIRST_COMPLETED, Executor, Future, wait
 from typing import Any, Callable, Iterator, Sequence
 
-from tqdm import tqdm
-
 from rvc_features.comparison import pair_task
 from rvc_features.comparison.datasets import Dataset, Pair
 from rvc_features.comparison.pair_task import Settings
@@ -85,7 +83,7 @@ class Progress:
         self.total = total
         self.reused = 0
         self.stream = sys.stderr if stream is None else stream
-        self.bar = tqdm(total=total, unit='pair', file=self.stream) if self.stream.isatty() else None
+        self.bar = _bar(total, self.stream) if self.stream.isatty() else None
         self.done = 0
 
     def step(self, dataset: Dataset, reused: bool) -> None:
@@ -103,3 +101,11 @@ class Progress:
     def close(self) -> None:
         if self.bar is not None:
             self.bar.close()
+
+
+def _bar(total: int | None, stream: Any) -> Any:
+    try:
+        from tqdm import tqdm
+    except ImportError:    # then there are lines, as where there is no terminal
+        return None
+    return tqdm(total=total, unit='pair', file=stream)

@@ -69,9 +69,9 @@ def real_frames(output: Path) -> tuple[list[Scene], str]:
         raise DemoError(f'no frames in {_EXAMPLES}: install the package opencv-doc, or name a bag with --bag')
     start, topic = time.time(), '/camera/image_raw'
     scenes = [Scene('chessboard', output / 'chessboard.bag', 0), Scene('street', output / 'street.bag', 0)]
-    scenes[0].frames = make_bag(scenes[0].bag, ImageFiles(chessboard), 2.0, topic, start=start)
+    scenes[0].frames = make_bag(scenes[0].bag, ImageFiles(chessboard), 2.0, topic, start=start, overwrite=True)
     scenes[1].frames = make_bag(scenes[1].bag, Video(street, _STREET_FRAMES), 10.0, topic,
-                                start=start + scenes[0].frames / 2.0)
+                                start=start + scenes[0].frames / 2.0, overwrite=True)
     return scenes, topic
 
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Iterator
+from typing import Any, Callable, Iterator
 
+import genpy
 import rosbag
 
 from rvc_features.image_transport.encodings import ImageError
@@ -51,18 +52,26 @@ class BagImages:
         return self._count
 
     def __iter__(self) -> Iterator[Frame]:
-        self.skipped = []
         start = None
+        for name, message, time in self.messages(lambda message: to_array(message, 'bgr8')):
+            start = time if start is None else start
+            yield Frame(name, message, (time - start).to_sec())
+
+    def messages(self, decode: Callable[[Any], Any]) -> Iterator[tuple[str, Any, genpy.Time]]:
+        """Of each message a name, what `decode` makes of it, and when it was recorded.
+
+        A message that it raises ImageError for is skipped, and counted.
+        """
+        self.skipped = []
         with _open(self.path) as bag:
             for number, (_, message, time) in enumerate(bag.read_messages([self.topic])):
-                start = time if start is None else start
                 name = f'{self.path.name} {self.topic} {number}'
                 try:
-                    image = to_array(message, 'bgr8')
+                    decoded = decode(message)
                 except ImageError as error:
                     self.skipped.append(f'{name}: {error}')
                     continue
-                yield Frame(name, image, (time - start).to_sec())
+                yield name, decoded, time
 
 
 def image_topics(path: Path) -> dict[str, int]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 import sys
 from pathlib import Path
@@ -10,11 +11,10 @@ from typing import Iterator, NamedTuple, Sequence
 import cv2
 import numpy as np
 
+from rvc_features.recordings.file_times import FileTimes, file_times
+from rvc_features.recordings.regular_files import SourceError, check_regular
+
 IMAGE_SUFFIXES = ('.bmp', '.jpeg', '.jpg', '.pgm', '.png', '.ppm', '.tif', '.tiff', '.webp')
-
-
-class SourceError(ValueError):
-    """A file that can't be used; the text names it and says what is accepted."""
 
 
 class Frame(NamedTuple):
@@ -33,6 +33,10 @@ class ImageFiles:
     paths : sequence of str or Path
         Image files, and folders whose image files are taken (not those of their sub-folders).
 
+    Attributes
+    ----------
+    paths : list of Path
+
     Raises
     ------
     SourceError
@@ -44,6 +48,10 @@ class ImageFiles:
 
     def __len__(self) -> int:
         return len(self.paths)
+
+    def times(self) -> FileTimes | None:
+        """When the images were taken, where names or a list beside the files tell; SourceError where that lacks one."""
+        return file_times(self.paths)
 
     def __iter__(self) -> Iterator[Frame]:
         for path in self.paths:
@@ -74,12 +82,18 @@ class Video:
         self.path = Path(path)
         self._most = sys.maxsize if most is None else most
         capture = self._open()
-        self.rate = max(capture.get(cv2.CAP_PROP_FPS), 0.0)
-        self._count = int(max(capture.get(cv2.CAP_PROP_FRAME_COUNT), 0))
-        capture.release()
+        try:
+            # Some versions of OpenCV open any file; only a frame proves that it is a video.
+            if not self._next(capture)[0]:
+                raise SourceError(f'{self.path}: not a video that OpenCV can read')
+            rate, count = capture.get(cv2.CAP_PROP_FPS), capture.get(cv2.CAP_PROP_FRAME_COUNT)
+        finally:
+            capture.release()
+        self.rate = rate if 0 < rate < _MOST_FRAMES else 0.0
+        self._count = int(count) if 0 < count < _MOST_FRAMES else 0
 
     def __len__(self) -> int:
-        """Number of frames as the file says; some files are wrong about it."""
+        """Number of frames as the file says, 0 where it doesn't; some files are wrong about it."""
         return min(self._count, self._most)
 
     def __iter__(self) -> Iterator[Frame]:
@@ -87,7 +101,7 @@ class Video:
         number = 0
         try:
             while number < self._most:
-                read, image = capture.read()
+                read, image = self._next(capture)
                 if not read:
                     break
                 yield Frame(f'{self.path.name} {number}', image, number / self.rate if self.rate else None)
@@ -98,12 +112,21 @@ class Video:
             raise SourceError(f'{self.path}: no frame can be read from this video')
 
     def _open(self) -> cv2.VideoCapture:
-        if not self.path.is_file():
-            raise SourceError(f'{self.path}: no such file')
+        check_regular(self.path)
+        os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')   # what is wrong with a video is said by us, once
         capture = cv2.VideoCapture(str(self.path))
         if not capture.isOpened():
             raise SourceError(f'{self.path}: not a video that OpenCV can read')
         return capture
+
+    def _next(self, capture: cv2.VideoCapture) -> tuple[bool, np.ndarray]:
+        try:
+            return capture.read()
+        except cv2.error as error:
+            raise SourceError(f'{self.path}: a frame that OpenCV can not read ({error.err})') from None
+
+
+_MOST_FRAMES = 1e9   # as a count or a rate; a damaged file may say anything
 
 
 def open_source(paths: Sequence[str | Path]) -> ImageFiles | Video:
@@ -119,12 +142,16 @@ def read_image(path: str | Path, grey: bool = False) -> np.ndarray:
     With `grey` the decoder makes it grey, as `cv2.imread(path, cv2.IMREAD_GRAYSCALE)` does: that can differ by one
     grey value from a conversion afterwards, which moves published figures of detectors.
     """
+    check_regular(path)
     try:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise SourceError(f'{path}: {error.strerror}') from None
     flags = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_UNCHANGED
-    image = cv2.imdecode(data, flags) if data.size and not _is_cut_short(data.tobytes()) else None
+    try:
+        image = cv2.imdecode(data, flags) if data.size and not _is_cut_short(data.tobytes()) else None
+    except cv2.error:   # a size that it refuses
+        image = None
     if image is None:
         raise SourceError(f'{path}: not an image that OpenCV can read, or cut short '
                           f'(accepted: {", ".join(IMAGE_SUFFIXES)})')

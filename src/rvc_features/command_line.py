@@ -1,0 +1,83 @@
+"""What the command-line tools share: numbers as options, interruptions, progress, and quiet decoders."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+from typing import Any, Callable, Iterable, Iterator, NoReturn
+
+FAILED = 1             # exit status of a tool that could not end what it began
+BAD_INPUT = 2          # of one that was given what it can't use; argparse's own
+
+
+class Interrupted(BaseException):
+    """Ctrl-C or SIGTERM; not an Exception, so that nothing on the way takes it for an error.
+
+    Attributes
+    ----------
+    status : int
+        The exit status that a shell expects: 128 plus the number of the signal.
+    """
+
+    def __init__(self, number: int) -> None:
+        super().__init__(f'interrupted by {signal.Signals(number).name}')
+        self.status = 128 + number
+
+
+@contextlib.contextmanager
+def signals_as_exceptions() -> Iterator[None]:
+    """Raise Interrupted where SIGINT or SIGTERM comes, once: what is tidied up then is not interrupted again."""
+    def interrupt(number: int, frame: Any) -> NoReturn:
+        for each in before:
+            signal.signal(each, signal.SIG_IGN)
+        raise Interrupted(number)
+
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    for number in before:
+        signal.signal(number, interrupt)
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def positive_number(text: str) -> float:
+    """An option that is a number above zero (and below 2^32, as seconds of ROS are)."""
+    try:
+        number = float(text)
+    except ValueError:
+        number = 0
+    if not 0 < number < 2 ** 32:
+        raise argparse.ArgumentTypeError(f'must be a positive number; got {text!r}')
+    return number
+
+
+def at_least(least: int) -> Callable[[str], int]:
+    """The type of an option that is such an integer."""
+    def integer(text: str) -> int:
+        try:
+            number = int(text)
+        except ValueError:
+            number = least - 1
+        if number < least:
+            raise argparse.ArgumentTypeError(f'must be an integer of at least {least}; got {text!r}')
+        return number
+    return integer
+
+
+def with_progress(items: Iterable[Any], unit: str) -> Iterable[Any]:
+    """The same items, with a bar on a terminal that shows how far they are."""
+    try:
+        from tqdm import tqdm
+    except ImportError:    # then there is no bar
+        return items
+    return tqdm(items, unit=unit, disable=None)
+
+
+def print_safely() -> None:
+    """From here on, letters that the terminal lacks (or a file name has wrong) are printed as \\x.., not an error."""
+    with contextlib.suppress(AttributeError):     # a stream that somebody put there in place of the terminal
+        sys.stdout.reconfigure(errors='backslashreplace')   # type: ignore[union-attr]
