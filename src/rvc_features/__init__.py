@@ -5,9 +5,10 @@ Top (OpenCV and NumPy, in the order of the sheet)
     the others. response, maxima, filters, orientation: the steps of Harris. key_points, drawing, parameters: what all
     detectors share. Beside them, for rooms that need it: heap (memory), reconfigure (safe sliders, ROS).
 Rooms
-    kernels: the compiled twins of the steps. image_transport: images in and out over topics. nodes: the nodes, the
-    only room that knows both detectors and ROS. recordings: files, videos, bags. comparison: the workbench. demo.
+    kernels: the compiled twins of the steps. still_images: JPEG and PNG from outside, checked and decoded.
+    image_transport: images in and out over topics. nodes: the nodes, the only room that knows both detectors and ROS.
+    recordings: files, videos, bags. comparison: the workbench. demo.
 
-Imports go one way: nodes, comparison, demo -> recordings -> image_transport; all of them -> the top; the top ->
-kernels. docs/architecture.md says more, and a test holds it.
+Imports go one way: nodes, comparison, demo -> recordings -> image_transport -> still_images; all of them -> the top;
+the top -> kernels. docs/architecture.md says more, and a test holds it.
 """

@@ -244,8 +244,8 @@ BAD = {
     'empty payload': (lambda: damaged(jpeg(), data=b''), '0 bytes'),
     'text': (lambda: damaged(jpeg(), data=b'not an image'), 'neither JPEG nor PNG'),
     'JPEG cut in the pixels': (lambda: damaged(jpeg(), data=jpeg().data[:-20]), 'truncated JPEG'),
-    'JPEG cut in the header': (lambda: damaged(jpeg(), data=jpeg().data[:100]), 'corrupt JPEG'),
-    'JPEG of three bytes': (lambda: damaged(jpeg(), data=jpeg().data[:3]), 'corrupt JPEG'),
+    'JPEG cut in the header': (lambda: damaged(jpeg(), data=jpeg().data[:100]), 'truncated JPEG'),
+    'JPEG of three bytes': (lambda: damaged(jpeg(), data=jpeg().data[:3]), 'truncated JPEG'),
     'JPEG of noise': (lambda: damaged(jpeg(), data=b'\xff\xd8\xff' + bytes(range(256)) * 9 + b'\xff\xd9'), 'JPEG'),
     'JPEG with its tables zeroed': (
         lambda: damaged(jpeg(), data=jpeg().data[:20] + bytes(300) + jpeg().data[320:]), 'JPEG|corrupt'),

@@ -15,16 +15,17 @@ ROS = {'rospy', 'rosbag', 'roslib', 'rosgraph', 'roslaunch', 'rosmaster', 'genpy
 MAY_IMPORT = {
     'kernels': set(),
     'top': {'kernels'},
-    'image_transport': {'top'},
-    'recordings': {'top', 'image_transport'},
+    'still_images': set(),
+    'image_transport': {'top', 'still_images'},
+    'recordings': {'top', 'still_images', 'image_transport'},
     'comparison': {'top', 'recordings'},
     'nodes': {'top', 'kernels', 'image_transport', 'recordings', 'comparison'},
     'demo': {'top', 'image_transport', 'recordings'},
 }
 # Modules that work where no ROS is installed.
-WITHOUT_ROS = {'kernels', 'top', 'comparison', 'recordings.image_sources', 'recordings.file_times',
-               'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config', 'nodes.sliders',
-               'nodes.newest_worker', 'nodes.statistics'}
+WITHOUT_ROS = {'kernels', 'top', 'still_images', 'comparison', 'recordings.image_sources',
+               'recordings.file_times', 'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config',
+               'nodes.sliders', 'nodes.newest_worker', 'nodes.statistics'}
 TOP_WITH_ROS = {'reconfigure'}
 MOST_LINES = 320
 

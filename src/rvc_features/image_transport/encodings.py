@@ -7,6 +7,7 @@ decompresses for bgr8, and converts colours in four to nine times the time of cv
 from __future__ import annotations
 
 import re
+import sys
 from typing import Any
 
 import cv2
@@ -60,7 +61,8 @@ def converted(array: np.ndarray, encoding: str, target: str) -> np.ndarray:
             raise ImageError(f'{encoding} images have no conversion to {target}')
         array, encoding = array if array.dtype == np.uint8 else _stretched(array), f'{OF_CHANNELS[channels]}8'
     elif array.dtype == np.uint16:
-        array, encoding = (array >> 8).astype(np.uint8), f'{letters(encoding)}8'
+        upper = array.view(np.uint8)[..., int(sys.byteorder == 'little')::2]
+        array, encoding = np.ascontiguousarray(upper), f'{letters(encoding)}8'
     return recoloured(array, encoding, target)
 
 
