@@ -10,6 +10,10 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / 'src'))   # no build, no ROS needed
 
 
+def pytest_configure(config):
+    config.addinivalue_line('markers', 'slow: takes seconds; `./run check`, the inner loop, leaves it out')
+
+
 def draw_square(size=64, low=20, high=39, value=200):
     """A bright square on black; its corners are the pixels (low, low) ... (high, high)."""
     image = np.zeros((size, size), np.uint8)

@@ -19,6 +19,8 @@ from conftest import texture
 from rvc_features import detectors
 from rvc_features.comparison import command, measures, warps
 
+pytestmark = pytest.mark.slow   # whole comparisons
+
 SOURCE = Path(__file__).resolve().parents[2] / 'src'
 QUICK = '--repeats', '1', '--points', '100', '-d', 'harris:fixed_number_of_points=1', '-d', 'fast:threshold=5'
 

@@ -269,6 +269,7 @@ def run(code, **environment):
     return result.stdout.decode().splitlines()
 
 
+@pytest.mark.slow
 def test_without_numba_the_same_points_and_one_line_in_the_log():
     without = run("import sys; sys.modules['numba'] = None\n" + textwrap.dedent(DETECT))
     assert without[0].startswith('rvc_features WARNING Without Numba')
@@ -279,6 +280,7 @@ def test_without_numba_the_same_points_and_one_line_in_the_log():
             assert np.allclose(json.loads(line), json.loads(expected), atol=0.01)
 
 
+@pytest.mark.slow
 def test_disabled_compiler_counts_as_no_numba():
     assert run(DETECT, NUMBA_DISABLE_JIT='1')[-1] == 'available False True'
 

@@ -21,11 +21,13 @@ MAY_IMPORT = {
     'comparison': {'top', 'recordings'},
     'nodes': {'top', 'kernels', 'image_transport', 'recordings', 'comparison'},
     'demo': {'top', 'image_transport', 'recordings'},
+    'windows': {'top', 'nodes'},
 }
 # Modules that work where no ROS is installed.
 WITHOUT_ROS = {'kernels', 'top', 'still_images', 'comparison', 'recordings.image_sources',
                'recordings.file_times', 'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config',
-               'nodes.sliders', 'nodes.newest_worker', 'nodes.statistics'}
+               'nodes.sliders', 'nodes.newest_worker', 'nodes.settings', 'nodes.statistics',
+               'windows.panel', 'windows.ranges'}
 TOP_WITH_ROS = {'reconfigure'}
 MOST_LINES = 320
 

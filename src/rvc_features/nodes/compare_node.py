@@ -43,6 +43,7 @@ from rvc_features.image_transport.messages import to_array
 from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.newest_worker import NewestWorker
 from rvc_features.nodes.spin import spin
+from rvc_features.nodes.start import only_ros_arguments
 
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 
@@ -81,6 +82,7 @@ class CompareNode:
 
 def main() -> int:
     """Run the node until it is told to end; the exit status."""
+    only_ros_arguments('compare_mosaic', __doc__)
     keep_large_blocks()
     cv2.setNumThreads(1)   # the times are to be comparable
     rospy.init_node('compare')

@@ -22,6 +22,8 @@ Parameters
         Transport of `in`.
     ~detector_modules (list of strings, default: empty)
         Python modules to import at start that register detectors of their own.
+    ~config (string, default: none)
+        File of dynamic parameters to start with, as dynparam, rqt_reconfigure or rosparam save it; or its text.
 
 Stamp and frame_id of all that is published are those of the input image. When images come faster than they can be
 processed, the newest one is taken and the others are counted as dropped.
@@ -57,6 +59,7 @@ from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.newest_worker import NewestWorker
 from rvc_features.nodes.sliders import with_detectors
 from rvc_features.nodes.spin import spin
+from rvc_features.nodes.start import only_ros_arguments, take_settings
 from rvc_features.nodes.statistics import NodeStatistics
 from rvc_features.reconfigure import ReconfigureServer, warn_of_refused
 
@@ -74,6 +77,7 @@ class FeatureDetectorNode:
         self.statistics = NodeStatistics()
         self._import_detectors(rospy.get_param('~detector_modules', []))
         config_type = with_detectors(FeatureDetectorConfig)
+        take_settings(config_type.defaults, self.reject_parameter)
         self.detector = detector_config.create(config_type.defaults)
         self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameters,
                                         settle=detector_config.settle)
@@ -246,6 +250,7 @@ class _Listener(rospy.SubscribeListener):
 
 def main() -> int:
     """Run the node until it is told to end; the exit status."""
+    only_ros_arguments('feature_detector', __doc__)
     keep_large_blocks()
     rospy.init_node('feature_detector')
     return spin(FeatureDetectorNode)

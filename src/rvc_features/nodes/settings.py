@@ -1,0 +1,90 @@
+"""Files of parameters, as people save them (no ROS here: settings are a dict).
+
+`rosrun dynamic_reconfigure dynparam dump` and rqt's *Save* write YAML with a Python tag, which roslaunch and `rosparam
+load` refuse; `rosparam dump` writes it plain, with the names of nodes above when nobody asked for one node only; and
+people write a few lines by hand. `parse` takes them all.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+
+class SettingsError(Exception):
+    """A file of parameters can't be used; the text is a sentence for whoever named it."""
+
+
+class _Loader(yaml.SafeLoader):
+    """Safe, and reads objects that dynamic_reconfigure dumped as what they hold."""
+
+
+def _dumped_object(loader: _Loader, kind: str, node: yaml.Node) -> Any:
+    if isinstance(node, yaml.MappingNode):
+        return loader.construct_mapping(node, deep=True).get('dictitems', {})
+    if isinstance(node, yaml.SequenceNode):
+        return loader.construct_sequence(node, deep=True)
+    return loader.construct_scalar(node)
+
+
+_Loader.add_multi_constructor('tag:yaml.org,2002:python/', _dumped_object)
+
+
+def read(path: str | Path, node: str = '') -> dict[str, Any]:
+    """The parameters in a file, as `parse` takes them; SettingsError where there is no such file."""
+    try:
+        return parse(Path(path).read_bytes(), node, str(path))
+    except OSError as error:
+        raise SettingsError(f'{path}: {error.strerror}') from None
+
+
+def parse(text: str | bytes, node: str = '', source: str = 'the text') -> dict[str, Any]:
+    """The parameters in a text.
+
+    Parameters
+    ----------
+    text : str or bytes
+        As written by dynparam, rqt_reconfigure, `rosparam dump` (of the node or of everything) or by hand.
+    node : str
+        Name of the node that they are for: chosen where there are the parameters of several.
+    source : str
+        What an error calls the text.
+
+    Returns
+    -------
+    dict
+        Parameter names and values. What dynamic_reconfigure keeps beside them (`groups`) is left out.
+
+    Raises
+    ------
+    SettingsError
+        If it is no table of parameters.
+    """
+    try:
+        content = yaml.load(text, Loader=_Loader)   # a safe one, see above
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise SettingsError(f'{source} is not YAML: {error}') from None
+    for name in node.strip('/').split('/'):
+        if isinstance(content, dict):
+            inner = content.get(name, content.get('/' + name))
+            content = inner if isinstance(inner, dict) else content
+    if not isinstance(content, dict) or not all(isinstance(name, str) for name in content):
+        raise SettingsError(f'{source} holds no parameters; lines such as "threshold: 0.02" are wanted')
+    return {name: value for name, value in content.items() if name != 'groups'}
+
+
+def write(path: str | Path, values: dict[str, Any], comment: str = '') -> None:
+    """Write parameters as plain YAML, one a line in the order given, which every tool of ROS reads.
+
+    Raises
+    ------
+    SettingsError
+        If the file can't be written.
+    """
+    text = ''.join(f'# {line}\n' for line in comment.splitlines()) + yaml.safe_dump(values, sort_keys=False)
+    try:
+        Path(path).write_text(text, encoding='utf-8')
+    except OSError as error:
+        raise SettingsError(f'{path}: {error.strerror}') from None

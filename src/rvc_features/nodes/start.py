@@ -1,0 +1,71 @@
+"""What a node is started with: its command line, and files of parameters."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from typing import Any, Callable, Collection
+
+import rospy
+
+from rvc_features.nodes import settings
+
+_ONLY_AT_START = {'config', 'preset', 'image_transport', 'detector_modules'}   # in `rosparam dump`, but not dynamic
+
+_LARGEST = 2 ** 31 - 1   # integer of XML-RPC
+
+
+def only_ros_arguments(name: str, description: str) -> None:
+    """Answer --help, and refuse with status 2 what is none of ROS's own arguments; no master is needed.
+
+    Parameters
+    ----------
+    name : str
+        The executable.
+    description : str
+        What --help tells: the module's docstring.
+    """
+    parser = argparse.ArgumentParser(prog=name, usage=f'rosrun rvc_features {name} [TOPIC:=TOPIC ...] '
+                                     '[_PARAMETER:=VALUE ...]', description=description,
+                                     formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.parse_args(rospy.myargv()[1:])
+
+
+def take_settings(known: Collection[str], reject: Callable[[str], None]) -> None:
+    """Turn ~config into private parameters, before a dynamic_reconfigure server reads them.
+
+    ~config is a file of parameters or the text in one (so that a launch file can give a file that is not on the node's
+    machine). Its values win over what is on the parameter server, and `_name:=value` on the command line over both.
+    It is taken away, so that a later start without it does not come back to it.
+
+    Parameters
+    ----------
+    known : collection of str
+        Names of the dynamic parameters.
+    reject : callable
+        Takes a sentence for what can't be used.
+    """
+    config = str(rospy.get_param('~config', ''))
+    if not config:
+        return
+    rospy.delete_param('~config')
+    try:
+        text = '\n' in config or ': ' in config
+        values = settings.parse(config, rospy.get_name()) if text else settings.read(config, rospy.get_name())
+    except settings.SettingsError as error:
+        reject(f'~config: {error}')
+        return
+    given = {name[1:] for name in (argument.partition(':=')[0] for argument in sys.argv[1:]) if name.startswith('_')}
+    _set(values, given, known, reject)
+
+
+def _set(values: dict[str, Any], given: set[str], known: Collection[str], reject: Callable[[str], None]) -> None:
+    for name in set(values) - set(known) - _ONLY_AT_START:
+        reject(f'~config: there is no {name!r}')
+    for name, value in values.items():
+        if name not in known or name in given:
+            continue
+        if isinstance(value, (bool, float, str)) or (isinstance(value, int) and abs(value) <= _LARGEST):
+            rospy.set_param(f'~{name}', value)
+        else:   # what the parameter server can't carry
+            reject(f'~config: {name} must be a number, true, false or text; got {value!r}')

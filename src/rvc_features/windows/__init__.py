@@ -1,0 +1,1 @@
+"""Windows on a screen: the parameters of any node, and a viewer for an image topic."""
