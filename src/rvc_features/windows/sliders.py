@@ -94,6 +94,8 @@ class SlidersWindow:
         self.values: dict[str, Any] = {}
         self._descriptions: list[dict[str, Any]] = []
         self._moved: dict[str, float] = {}   # when somebody moved a parameter last
+        self._take: dict[str, Callable[[Any], None]] = {
+            'descriptions': self._describe, 'values': self._show, 'problem': lambda text: self.status.set(text)}
         self._news: queue.Queue = queue.Queue()
         self.status = tkinter.StringVar(root)
         self._make_bar()
@@ -196,7 +198,7 @@ class SlidersWindow:
         while not self._news.empty():
             connection, kind, what = self._news.get()
             if connection is self.connection:
-                {'descriptions': self._describe, 'values': self._show, 'problem': self.status.set}[kind](what)
+                self._take[kind](what)
         self.root.after(_POLL, self._poll)
 
     def _describe(self, descriptions: list[dict[str, Any]]) -> None:
