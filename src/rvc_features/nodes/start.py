@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
-from typing import Any, Callable, Collection
+from typing import Any, Collection
 
 import rospy
 
@@ -31,7 +31,7 @@ def only_ros_arguments(name: str, description: str) -> None:
     parser.parse_args(rospy.myargv()[1:])
 
 
-def take_settings(known: Collection[str], reject: Callable[[str], None]) -> None:
+def take_settings(known: Collection[str]) -> list[str]:
     """Turn ~config into private parameters, before a dynamic_reconfigure server reads them.
 
     ~config is a file of parameters or the text in one (so that a launch file can give a file that is not on the node's
@@ -42,30 +42,32 @@ def take_settings(known: Collection[str], reject: Callable[[str], None]) -> None
     ----------
     known : collection of str
         Names of the dynamic parameters.
-    reject : callable
-        Takes a sentence for what can't be used.
+
+    Returns
+    -------
+    list of str
+        A sentence for each thing that can't be used.
     """
     config = str(rospy.get_param('~config', ''))
     if not config:
-        return
+        return []
     rospy.delete_param('~config')
     try:
         text = '\n' in config or ': ' in config
         values = settings.parse(config, rospy.get_name()) if text else settings.read(config, rospy.get_name())
     except settings.SettingsError as error:
-        reject(f'~config: {error}')
-        return
+        return [f'~config: {error}']
     given = {name[1:] for name in (argument.partition(':=')[0] for argument in sys.argv[1:]) if name.startswith('_')}
-    _set(values, given, known, reject)
+    return _set(values, given, known)
 
 
-def _set(values: dict[str, Any], given: set[str], known: Collection[str], reject: Callable[[str], None]) -> None:
-    for name in set(values) - set(known) - _ONLY_AT_START:
-        reject(f'~config: there is no {name!r}')
+def _set(values: dict[str, Any], given: set[str], known: Collection[str]) -> list[str]:
+    problems = [f'~config: there is no {name!r}' for name in sorted(set(values) - set(known) - _ONLY_AT_START)]
     for name, value in values.items():
         if name not in known or name in given:
             continue
         if isinstance(value, (bool, float, str)) or (isinstance(value, int) and abs(value) <= _LARGEST):
             rospy.set_param(f'~{name}', value)
         else:   # what the parameter server can't carry
-            reject(f'~config: {name} must be a number, true, false or text; got {value!r}')
+            problems.append(f'~config: {name} must be a number, true, false or text; got {value!r}')
+    return problems
