@@ -77,7 +77,9 @@ class FeatureDetectorNode:
         self.statistics = NodeStatistics()
         self._import_detectors(rospy.get_param('~detector_modules', []))
         config_type = with_detectors(FeatureDetectorConfig)
-        self.reject_parameters(take_settings(config_type.defaults))
+        problems = take_settings(config_type.defaults)
+        if problems:
+            self.reject_parameters(problems)
         self.detector = detector_config.create(config_type.defaults)
         self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameters,
                                         settle=detector_config.settle)
