@@ -27,6 +27,7 @@ MAY_IMPORT = {
 WITHOUT_ROS = {'kernels', 'top', 'still_images', 'comparison', 'recordings.image_sources',
                'recordings.file_times', 'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config',
                'nodes.sliders', 'nodes.newest_worker', 'nodes.settings', 'nodes.statistics',
+               'nodes.diagnostics', 'nodes.detector_modules',
                'windows.panel', 'windows.ranges'}
 TOP_WITH_ROS = {'reconfigure'}
 MOST_LINES = 320

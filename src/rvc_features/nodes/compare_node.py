@@ -26,26 +26,28 @@ All detectors take turns on the same image, in one thread; of images that come f
 
 from __future__ import annotations
 
-import importlib
 import sys
 from typing import Any
 
 import cv2
 import rospy
 
-from rvc_features.brief import reporter
+from rvc_features.brief import reporter, shown
 from rvc_features.comparison import live
 from rvc_features.comparison.contestants import ContestantError
-from rvc_features.heap import keep_large_blocks
+from rvc_features.heap import FrameHeap, keep_large_blocks
 from rvc_features.image_transport import ImageTransport, known_transport
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import to_array
+from rvc_features.nodes import detector_modules
+from rvc_features.nodes.graph_watch import GraphWatch
 from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.newest_worker import NewestWorker
 from rvc_features.nodes.spin import spin
 from rvc_features.nodes.start import only_ros_arguments
 
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
+_WRONG_PARAMETER = 2   # exit status
 
 
 class CompareNode:
@@ -53,15 +55,18 @@ class CompareNode:
 
     def __init__(self, side_by_side: live.SideBySide) -> None:
         self.side_by_side = side_by_side
+        self.heap = FrameHeap()
         self.worker = NewestWorker(self.process, self.frame_failed, 'compare')
         transport, hints = ImageTransport(), known_transport()
         self.input = LazyInput(lambda: transport.subscribe('in', self.worker.put, transport_hints=hints, decode=False),
                                lambda: self.publisher.get_num_subscribers())
         changed = self.input.changed.set
         self.publisher = transport.advertise('mosaic', subscriber_connected=changed, subscriber_disconnected=changed)
+        self.graph_watch = GraphWatch()
 
     def process(self, message: Any) -> None:
         """One image from message to mosaic, in the worker's thread; a bad one is reported and skipped."""
+        self.heap.note(len(message.data))
         try:
             mosaic = self.side_by_side.mosaic(to_array(message, 'bgr8'))
             self.publisher.publish_array(mosaic, 'bgr8', message.header)
@@ -74,10 +79,34 @@ class CompareNode:
 
     def run(self) -> None:
         """Subscribe while somebody listens; returns when the node is told to end."""
+        self.graph_watch.start()
         while not rospy.is_shutdown():
             self.input.update()
+            reporter().catch_up()
+            self.heap.tidy()
             self.input.wait(_PATIENCE)
-        self.worker.stop()
+        self.graph_watch.stop()
+        self.worker.stop(_PATIENCE)
+
+
+def run() -> int:
+    """Read the parameters and run until the node is told to end; the exit status."""
+    for problem in detector_modules.import_all(rospy.get_param('~detector_modules', [])):
+        rospy.logerr(problem)
+    texts = rospy.get_param('~detectors', list(live.DEFAULT))
+    tile_width = rospy.get_param('~tile_width', 640)
+    if not isinstance(tile_width, int) or tile_width < 1:
+        rospy.logwarn(f'~tile_width must be an integer of at least 1; got {shown(tile_width)}, 640 is used')
+        tile_width = 640
+    try:
+        if not isinstance(texts, list) or not texts:
+            raise ContestantError(f'a list of detectors is wanted, such as {list(live.DEFAULT)}; got {shown(texts)}')
+        side_by_side = live.SideBySide(live.contestants([str(text) for text in texts]), tile_width)
+    except ValueError as error:
+        rospy.logfatal(f'~detectors: {error}')
+        return _WRONG_PARAMETER
+    CompareNode(side_by_side).run()
+    return 0
 
 
 def main() -> int:
@@ -85,30 +114,7 @@ def main() -> int:
     only_ros_arguments('compare_mosaic', __doc__)
     keep_large_blocks()
     cv2.setNumThreads(1)   # the times are to be comparable
-    rospy.init_node('compare')
-    try:
-        for module in rospy.get_param('~detector_modules', []):
-            importlib.import_module(module)
-        texts = rospy.get_param('~detectors', list(live.DEFAULT))
-        if not isinstance(texts, list) or not texts:
-            raise ContestantError(f'a list of detectors is wanted, such as {list(live.DEFAULT)}; got {texts!r}')
-        chosen = live.contestants([str(text) for text in texts])
-    except ContestantError as error:
-        rospy.logfatal(f'~detectors: {error}')
-        return 2
-    except ImportError as error:
-        rospy.logfatal(f'~detector_modules: {error}')
-        return 2
-    tile_width = rospy.get_param('~tile_width', 640)
-    if not isinstance(tile_width, int) or tile_width < 1:
-        rospy.logwarn(f'~tile_width must be an integer of at least 1; got {tile_width!r}, 640 is used')
-        tile_width = 640
-    try:
-        side_by_side = live.SideBySide(chosen, tile_width)
-    except ValueError as error:
-        rospy.logfatal(str(error))
-        return 2
-    return spin(lambda: CompareNode(side_by_side).run())
+    return spin('compare', run)
 
 
 if __name__ == '__main__':

@@ -47,5 +47,4 @@ def main() -> int:
     parser.add_argument('in_transport', choices=sorted(TRANSPORTS))
     parser.add_argument('out_transport', choices=sorted(TRANSPORTS), nargs='?')
     arguments = parser.parse_args(rospy.myargv()[1:])
-    rospy.init_node('republish', anonymous=True)
-    return spin(lambda: Republisher(arguments.in_transport, arguments.out_transport).run())
+    return spin('republish', lambda: Republisher(arguments.in_transport, arguments.out_transport).run(), anonymous=True)
