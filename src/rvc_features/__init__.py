@@ -2,8 +2,9 @@
 
 Top (OpenCV and NumPy, in the order of the sheet)
     detectors: the registry, the way in. feature_detector: the interface. harris_detector: our own; opencv_detectors:
-    the others. response, maxima, filters, orientation: the steps of Harris. key_points, drawing, parameters: what all
-    detectors share. Beside them, for rooms that need it: heap (memory), reconfigure (safe sliders, ROS).
+    the others. response, maxima, filters, orientation: the steps of Harris; two_scales, contrast: the corner strength
+    and ranking of the preset `repeatable`. key_points, drawing, parameters: what all detectors share. Beside them, for
+    rooms that need it: heap (memory), reconfigure (safe sliders, ROS).
 Rooms
     kernels: the compiled twins of the steps. still_images: JPEG and PNG from outside, checked and decoded.
     image_transport: images in and out over topics. nodes: the nodes, the only room that knows both detectors and ROS.

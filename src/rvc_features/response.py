@@ -129,7 +129,8 @@ _LEAST_PIXELS = 1024
 _LEAST_SIGMA = 0.1   # pixels: less smooths nothing, for the neighbours' weight is below 1e-21
 
 
-def _check(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float) -> None:
+def check_image(image: np.ndarray) -> None:
+    """TypeError or ValueError unless `image` is what a response can be computed of."""
     accepted = 'a non-empty NumPy array of shape (height, width), uint8 or float32'
     if not isinstance(image, np.ndarray):
         raise TypeError(f'image must be {accepted}; got {type(image).__name__}')
@@ -137,6 +138,10 @@ def _check(image: np.ndarray, window_size: int, window: str, harris_k: float, de
         raise TypeError(f'image must be {accepted}; got {image.dtype}')
     if image.ndim != 2 or image.size == 0:
         raise ValueError(f'image must be {accepted}; got shape {image.shape}')
+
+
+def _check(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float) -> None:
+    check_image(image)
     for name, value, specification in (('window_size', window_size, WINDOW_SIZE), ('window', window, WINDOW),
                                        ('harris_k', harris_k, HARRIS_K),
                                        ('derivative_sigma', derivative_sigma, DERIVATIVE_SIGMA)):

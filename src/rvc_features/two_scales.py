@@ -1,0 +1,158 @@
+"""Corners that two scales agree on: the strength by which the default detector, `repeatable`, finds its points.
+
+It is a Harris detector still: gradients, their products averaged over a window, corners where the product matrix is
+large in both directions. What differs from the sheet's H: the determinant is divided by the trace, so that the strength
+is in squared grey values; the saddle strength of the image is added, which draws the maximum back to the corner from
+where smoothing moves it; and a point must be a corner at two scales.
+
+`two_scale_strength` is what people call, `reference_two_scales` the definition to read.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import cv2
+import numpy as np
+
+from rvc_features.parameters import check
+from rvc_features.response import BORDER, WINDOW, WINDOW_SIZE, check_image
+
+
+@dataclasses.dataclass(frozen=True)
+class Scale:
+    """How the corners of one scale are found; steps are half-steps of binomials, [1 1] / 2 each, of variance 1/4."""
+
+    smoothing: int       # steps before the gradients
+    wider: int           # steps added to those of the Gaussian window
+    further: int         # steps from the smoothed image to the one whose saddles count
+    saddle: float        # weight of their strength
+
+
+FINE = Scale(smoothing=2, wider=0, further=10, saddle=0.3)
+COARSE = Scale(smoothing=2, wider=-2, further=6, saddle=0.5)   # in pixels of the image at half its size
+HALVING = 8   # steps before every second pixel is taken
+
+
+def two_scale_strength(image: np.ndarray, window_size: int = 5, window: str = 'gaussian') -> np.ndarray:
+    """How strongly each pixel is a corner at two scales: M = sqrt(R_fine R_coarse).
+
+    At either scale R = max(0, (A C - B^2) / (A + C) + w s^2 (L_xy^2 - L_xx L_yy)). A, B and C are the products
+    I_x^2, I_x I_y and I_y^2 of the gradients of the slightly smoothed image, averaged over a window; L is the image
+    smoothed with s pixels. R_coarse is that of the image at half its size, enlarged by cubic interpolation.
+
+    Gain and offset of the image change neither where M has its maxima nor their order: M grows with the gain squared.
+
+    Parameters
+    ----------
+    image : ndarray, uint8 or float32, shape (H, W)
+        Grey image.
+    window_size : int
+        Side of the square window in pixels (at half the size: in pixels of that): odd, at least 3.
+    window : {'gaussian', 'box'}
+        Weights of the window. Gaussian: binomial, of variance (window_size - 1) / 2, which is a sigma of 1.4 for 5; at
+        half the size half a squared pixel less.
+
+    Returns
+    -------
+    ndarray, float32, shape (H, W)
+        In squared grey values per squared pixel, at least 0.
+
+    Raises
+    ------
+    TypeError, ValueError
+        When an argument is not as above; the text says what was given.
+
+    References
+    ----------
+    C. Harris and M. Stephens, "A combined corner and edge detector", Alvey Vision Conference, 1988: A, B, C.
+    J. A. Noble, "Finding corners", Image and Vision Computing 6(2), 1988: the determinant over the trace.
+    P. R. Beaudet, "Rotationally invariant image operators", ICPR 1978: the determinant of the second derivatives.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> image = np.zeros((40, 40), np.uint8)
+    >>> image[20:, 20:] = 255
+    >>> strength = two_scale_strength(image)
+    >>> [int(i) for i in np.unravel_index(strength.argmax(), strength.shape)]
+    [20, 20]
+    """
+    check_image(image)
+    check('window_size', window_size, WINDOW_SIZE)
+    check('window', window, WINDOW)
+    return strength_and_maximum(image, window_size, window)[0]
+
+
+def strength_and_maximum(image: np.ndarray, window_size: int = 5, window: str = 'gaussian',
+                         out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+    """`two_scale_strength` and its largest value; arguments are taken as checked.
+
+    `out`, where it is given (float32, contiguous, of the image's shape), is what holds the strength afterwards.
+    """
+    strength = reference_two_scales(image, window_size, window).astype(np.float32, order='C')
+    if out is not None:
+        out[:] = strength
+    return strength, float(strength.max())
+
+
+def reference_two_scales(image: np.ndarray, window_size: int, window: str) -> np.ndarray:
+    """`two_scale_strength` step by step, in double precision; arguments are taken as checked."""
+    image = image.astype(np.float64)
+    half = smoothed(image, binomial(HALVING))[::2, ::2].copy()
+    fine = _corner_response(image, FINE, window_weights(FINE, window_size, window))
+    coarse = _corner_response(half, COARSE, window_weights(COARSE, window_size, window))
+    return np.sqrt(fine * _enlarged(coarse, image.shape))
+
+
+def _corner_response(image: np.ndarray, scale: Scale, weights: np.ndarray) -> np.ndarray:
+    """R of one scale."""
+    image = smoothed(image, binomial(scale.smoothing))
+    gradient_x = cv2.Sobel(image, -1, 1, 0, ksize=3, scale=1 / 8, borderType=BORDER)
+    gradient_y = cv2.Sobel(image, -1, 0, 1, ksize=3, scale=1 / 8, borderType=BORDER)
+    a = smoothed(gradient_x * gradient_x, weights)
+    b = smoothed(gradient_x * gradient_y, weights)
+    c = smoothed(gradient_y * gradient_y, weights)
+    trace = a + c
+    corner = (a * c - b * b) / np.where(trace > 0, trace, 1)
+
+    image = smoothed(image, binomial(scale.further))
+    value, first, second = np.ones(1), np.array([-0.5, 0, 0.5]), np.array([1.0, -2, 1])
+    xx = cv2.sepFilter2D(image, -1, second, value, borderType=BORDER)
+    xy = cv2.sepFilter2D(image, -1, first, first, borderType=BORDER)
+    yy = cv2.sepFilter2D(image, -1, value, second, borderType=BORDER)
+    variance = (scale.smoothing + scale.further) / 4
+    return np.maximum(corner + scale.saddle * variance * (xy * xy - xx * yy), 0)
+
+
+def _enlarged(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
+    """`values` at twice the size: pixel i comes to lie on 2 i; in between (-1 9 9 -1) / 16, cut off below at 0."""
+    height, width = shape
+    return np.maximum(_stretched(_stretched(values, width).T, height).T, 0)
+
+
+def _stretched(values: np.ndarray, width: int) -> np.ndarray:
+    """Rows at twice their length, cut to `width`; beyond their ends the last number goes on."""
+    padded = np.pad(values, ((0, 0), (1, 2)), 'edge')
+    between = (9 * (padded[:, 1:-2] + padded[:, 2:-1]) - padded[:, :-3] - padded[:, 3:]) / 16
+    return np.stack((values, between), axis=2).reshape(len(values), -1)[:, :width]
+
+
+def smoothed(values: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Average of `values` with these weights along rows and columns."""
+    return cv2.sepFilter2D(values, -1, weights, weights, borderType=BORDER)
+
+
+def window_weights(scale: Scale, window_size: int, window: str) -> np.ndarray:
+    """Weights of the window at that scale along one direction."""
+    if window == 'box':
+        return np.full(window_size, 1 / window_size)
+    return binomial(2 * (window_size - 1) + scale.wider)
+
+
+def binomial(steps: int) -> np.ndarray:
+    """Weights of so many times [1 1] / 2: of variance steps / 4; their number is odd for an even number of steps."""
+    weights = np.ones(1)
+    for _ in range(steps):
+        weights = np.convolve(weights, [0.5, 0.5])
+    return weights
