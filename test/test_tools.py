@@ -1,11 +1,14 @@
 #!/usr/bin/env python3
 """The tools as a user runs them: make_bag, rosbag play into the node, the demo, and the node's end."""
 
+import contextlib
+import io
 import os
 import signal
 import subprocess
 import sys
 import tempfile
+import time
 import unittest
 from pathlib import Path
 
@@ -21,6 +24,7 @@ from sensor_msgs.msg import Image
 
 from rvc_features import detectors
 from rvc_features.image_transport.messages import to_array
+from rvc_features.recordings import make_bag, unmake_bag
 from rvc_features.recordings.bags import BagImages
 from rvc_features.recordings.image_sources import SourceError, Video
 
@@ -38,6 +42,36 @@ def run(*command, **options):
                           check=False, **options)
 
 
+def wait_until(reached, patience=60):
+    deadline = time.monotonic() + patience
+    while not reached():
+        assert time.monotonic() < deadline, 'it does not come'
+        time.sleep(0.05)
+
+
+def descendants(process):
+    children = Path(f'/proc/{process}/task/{process}/children').read_text().split()
+    return [int(child) for child in children] + [each for child in children for each in descendants(child)]
+
+
+def runs(process):
+    try:
+        return Path(f'/proc/{process}/stat').read_text().rpartition(')')[2].split()[0] != 'Z'
+    except FileNotFoundError:
+        return False
+
+
+def call(main, *arguments):
+    """What `run` gives, of a tool's function in this process: quicker."""
+    out, errors = io.StringIO(), io.StringIO()
+    with contextlib.redirect_stdout(out), contextlib.redirect_stderr(errors):
+        try:
+            status = main([str(argument) for argument in arguments])
+        except SystemExit as stop:     # argparse's
+            status = stop.code
+    return subprocess.CompletedProcess(arguments, status, out.getvalue(), errors.getvalue())
+
+
 class TestTools(unittest.TestCase):
     def setUp(self):
         temporary = tempfile.TemporaryDirectory()
@@ -50,15 +84,16 @@ class TestTools(unittest.TestCase):
         self.bag = str(self.folder / 'made.bag')
 
     def make_bag(self, *options):
-        result = run('make_bag', self.bag, str(self.folder / 'frames'), *options)
+        result = call(make_bag.main, self.bag, self.folder / 'frames', *options)
         self.assertEqual(result.returncode, 0, result.stderr)
         return result.stdout
 
     def test_make_bag(self):
         (self.folder / 'camera.yaml').write_text(yaml.safe_dump(CALIBRATION))
-        text = self.make_bag('--rate', '4', '--topic', '/left/image_raw', '--frame-id', 'left', '--start', '1000',
-                             '--camera-info', str(self.folder / 'camera.yaml'))
-        self.assertIn('6 frames on /left/image_raw, 4 per second', text)
+        made = run('make_bag', self.bag, str(self.folder / 'frames'), '--rate', '4', '--topic', '/left/image_raw',
+                   '--frame-id', 'left', '--start', '1000', '--camera-info', str(self.folder / 'camera.yaml'))
+        self.assertEqual(made.returncode, 0, made.stderr)
+        self.assertIn('6 frames on /left/image_raw, 4 per second', made.stdout)
         with rosbag.Bag(self.bag) as bag:
             images = [message for _, message, _ in bag.read_messages(['/left/image_raw'])]
             infos = [message for _, message, _ in bag.read_messages(['/left/camera_info'])]
@@ -82,7 +117,7 @@ class TestTools(unittest.TestCase):
                 ([self.bag, str(self.folder / 'frames'), '--topic', 'a b'], "'a b' is not a topic name"),
                 ([self.bag, str(self.folder / 'frames'), '--topic', ''], "'' is not a topic name"),
                 (['my.avi', str(self.folder / 'frames')], "its name must end in .bag; got 'my.avi'")):
-            result = run('make_bag', *arguments)
+            result = call(make_bag.main, *arguments)
             self.assertEqual(result.returncode, 2)
             self.assertIn(text, result.stderr)
             self.assertNotIn('Traceback', result.stderr)
@@ -91,7 +126,7 @@ class TestTools(unittest.TestCase):
     def test_make_bag_replaces_nothing_unasked(self):
         Path(self.bag).write_text('precious')
         (self.folder / 'made.bag.part').symlink_to(self.folder / 'made.bag')    # what an earlier version wrote through
-        refused = run('make_bag', self.bag, str(self.folder / 'frames'))
+        refused = call(make_bag.main, self.bag, self.folder / 'frames')
         self.assertEqual(refused.returncode, 2)
         self.assertEqual(refused.stderr, f'make_bag: {self.bag}: there is such a file already; name another, or give '
                                          '--force\n')
@@ -106,7 +141,7 @@ class TestTools(unittest.TestCase):
         frames.mkdir()
         for stamp, image in zip(stamps, self.images):
             cv2.imwrite(str(frames / f'{stamp}.png'), image)        # as EuRoC names its files
-        made = run('make_bag', self.bag, str(frames))
+        made = call(make_bag.main, self.bag, frames)
         self.assertEqual(made.returncode, 0, made.stderr)
         self.assertIn('6 frames on /camera/image_raw, at the times that came with the images, 0.167 s', made.stdout)
         with rosbag.Bag(self.bag) as bag:
@@ -119,16 +154,16 @@ class TestTools(unittest.TestCase):
                          [f'{stamp // 10 ** 9}.{stamp % 10 ** 9:09}.png' for stamp in stamps])
         for path, image in zip(sorted(back.iterdir()), self.images):
             np.testing.assert_array_equal(cv2.imread(str(path), cv2.IMREAD_UNCHANGED), image)
-        again = run('make_bag', str(self.folder / 'again.bag'), str(back))
+        again = call(make_bag.main, self.folder / 'again.bag', back)
         self.assertEqual(again.returncode, 0, again.stderr)
         with rosbag.Bag(str(self.folder / 'again.bag')) as bag:
             self.assertEqual([message.header.stamp.to_nsec() for _, message, _ in bag.read_messages()], stamps)
 
-        refused = run('unmake_bag', self.bag, str(back))
+        refused = call(unmake_bag.main, self.bag, back)
         self.assertEqual(refused.returncode, 2)
         self.assertIn('there is such a file already; name another place, or give --force', refused.stderr)
         video = self.folder / 'video.avi'
-        result = run('unmake_bag', self.bag, str(video))
+        result = call(unmake_bag.main, self.bag, video)
         self.assertEqual(result.returncode, 0, result.stderr)
         source = Video(video)
         self.assertAlmostEqual(source.rate, 30, delta=0.1)
@@ -162,18 +197,53 @@ class TestTools(unittest.TestCase):
             self.assertEqual(list(message.x), expected['x'].tolist())
 
     def test_the_demo_on_a_bag_of_ones_own(self):
+        self.bag = str(self.folder / "a bag's name.bag")
         self.make_bag('--rate', '5', '--topic', '/mine')
-        output = self.folder / 'output'
+        output = self.folder / 'an "output" folder'
         result = run('demo', '--bag', self.bag, '--output', str(output))
         self.assertEqual(result.returncode, 0, result.stderr)
+        rows = [line[13:].split() for line in result.stdout.splitlines() if line.startswith("a bag's name ")]
+        self.assertEqual([row[-4:-2] for row in rows], [['1', '1']] * 6)           # every frame came out
+        self.assertTrue(all(float(row[-1]) > 0.5 for row in rows), result.stdout)   # milliseconds
         self.assertIn('strongest 150', result.stdout)
-        self.assertEqual(cv2.imread(str(output / 'contact_sheet.png')).shape[1], 3 * 488)
+        sheet = cv2.imread(str(output / 'contact_sheet.png'))
+        self.assertEqual(sheet.shape, (2 * (30 + 360 + 8), 3 * (480 + 8), 3))
+        shown = cv2.resize(self.images[3], (480, 360), interpolation=cv2.INTER_AREA)
+        for row in range(2):       # the same frame under each setting, and something drawn on it
+            for column in range(3):
+                tile = sheet[row * 398 + 34:row * 398 + 394, column * 488 + 4:column * 488 + 484].astype(int)
+                share = (tile == shown[:, :, None]).all(axis=2).mean()
+                self.assertTrue(0.3 < share < 0.99, share)
         with rosbag.Bag(str(output / 'output.bag')) as bag:
-            self.assertGreater(bag.get_message_count('/feature_detector/image'), 0)
-        self.assertIn('made', (output / 'summary.txt').read_text())
+            self.assertEqual(bag.get_message_count('/feature_detector/image'), 6)
+            self.assertEqual(bag.get_message_count('/feature_detector/key_points'), 6)
+        self.assertIn("a bag's name", (output / 'summary.txt').read_text())
         refused = run('demo', '--bag', self.bag, '--topic', '/nothing', '--output', str(output))
         self.assertEqual(refused.returncode, 2)
         self.assertIn('its image topics: /mine', refused.stderr)
+
+    def test_the_demo_ends_at_once_and_is_alone_in_its_folder(self):
+        self.make_bag('--rate', '1')
+        output = self.folder / 'output'
+        command = ['demo', '--bag', self.bag, '--output', str(output)]
+        demo = subprocess.Popen(['rosrun', 'rvc_features', *command], stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+                                text=True)
+        try:
+            wait_until(lambda: (output / 'launch.log').exists() and 'player' in (output / 'launch.log').read_text())
+            second = run(*command)
+            self.assertEqual((second.returncode, second.stdout), (2, ''))
+            self.assertIn(f'demo: another demo is writing into {output}', second.stderr)
+            launched = descendants(demo.pid)
+            self.assertGreaterEqual(len(launched), 3)    # roslaunch, the node, the player
+            demo.send_signal(signal.SIGTERM)
+            _, errors = demo.communicate(timeout=15)
+        finally:
+            demo.kill()
+            demo.communicate()
+        self.assertEqual((demo.returncode, errors),
+                         (143, 'demo: interrupted by SIGTERM; all that it started has ended\n'))
+        self.assertFalse([process for process in launched if runs(process)])
+        self.assertEqual([path.name for path in output.iterdir()], ['launch.log'])     # nothing half made
 
     def test_the_node_ends_at_once_when_told_to(self):
         environment = {**os.environ, 'PYTHONUNBUFFERED': '1'}

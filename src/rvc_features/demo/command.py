@@ -9,34 +9,64 @@ annotated.avi, and contact_sheet.png with a frame for each setting. Everything r
 from __future__ import annotations
 
 import argparse
+import contextlib
+import fcntl
+import os
 import sys
 from pathlib import Path
-from typing import Sequence
+from typing import Iterator, Sequence
 
 import cv2
 
+from rvc_features.command_line import BAD_INPUT, FAILED, Interrupted, print_safely, signals_as_exceptions
 from rvc_features.demo.play import play
-from rvc_features.demo.results import contact_sheet, summary
+from rvc_features.demo.results import contact_sheet, lost, summary
 from rvc_features.demo.scenes import DemoError, own_bag, real_frames
-from rvc_features.recordings.image_sources import SourceError
+from rvc_features.recordings.regular_files import SourceError
+from rvc_features.recordings.whole_files import whole_file
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit status."""
+    print_safely()
     options = _parser().parse_args(arguments)
     output = Path(options.output)
     try:
-        output.mkdir(parents=True, exist_ok=True)
-        scenes, topic = own_bag(options.bag, options.topic) if options.bag else real_frames(output)
-        phases = play(scenes, topic, output, options.view)
+        with signals_as_exceptions():
+            output.mkdir(parents=True, exist_ok=True)
+            with _alone_in(output):
+                scenes, topic = own_bag(options.bag, options.topic) if options.bag else real_frames(output)
+                phases = play(scenes, topic, output, options.view)
+                with whole_file(output / 'contact_sheet.png', suffix='.png') as unfinished:
+                    cv2.imwrite(str(unfinished), contact_sheet(phases))
+                table = summary(phases)
+                (output / 'summary.txt').write_text(table + '\n')
     except (SourceError, DemoError, OSError) as error:
         print(f'demo: {error}', file=sys.stderr)
-        return 2
-    cv2.imwrite(str(output / 'contact_sheet.png'), contact_sheet(phases))
-    table = summary(phases)
-    (output / 'summary.txt').write_text(table + '\n')
+        return BAD_INPUT
+    except Interrupted as interruption:
+        print(f'demo: {interruption}; all that it started has ended', file=sys.stderr)
+        return interruption.status
     print(f'\n{table}\n\nIn {output}: contact_sheet.png, annotated.avi, output.bag, summary.txt')
-    return 0
+    sentence = lost(phases)
+    if sentence:
+        print(f'demo: {sentence}', file=sys.stderr)
+    return FAILED if sentence else 0
+
+
+@contextlib.contextmanager
+def _alone_in(folder: Path) -> Iterator[None]:
+    """DemoError while another demo writes there."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise DemoError(f'another demo is writing into {folder}; wait for it, or name another folder with '
+                            '--output') from None
+        yield
+    finally:
+        os.close(handle)
 
 
 def _parser() -> argparse.ArgumentParser:

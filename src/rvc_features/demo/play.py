@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import threading
 import time
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any, Callable
 
-import cv2
+import genpy
 import numpy as np
-import rosbag
 import rospy
 from diagnostic_msgs.msg import DiagnosticArray
 from dynamic_reconfigure.client import Client
 from sensor_msgs.msg import Image
+from std_msgs.msg import Header
 from std_srvs.srv import SetBool
 
+from rvc_features import key_points as kp
+from rvc_features.demo.launch import launched
 from rvc_features.demo.private_master import private_master
+from rvc_features.demo.recorder import Recorder, recorder
 from rvc_features.demo.scenes import DemoError, Phase, Scene, phases_of
 from rvc_features.image_transport import ImageTransport, TransportHints
 from rvc_features.image_transport.messages import to_array
@@ -29,10 +29,12 @@ from rvc_features.msg import KeyPoints
 _NODE = '/feature_detector'
 _PATIENCE = 30.0   # seconds for anything that should happen at once
 _GRACE = 2.0       # seconds for the last frame to come out
+_SHOWS = 7         # times that a frame is sent for the sheet; the first is not timed
+_SHOWN = 'shown by the demo'   # frame_id of such a frame, by which it is known again
 
 
 def play(scenes: list[Scene], topic: str, output: Path, view: bool = False) -> list[Phase]:
-    """Play the scenes through the node, one setting after the other, and record what comes out.
+    """Show the node one frame of each scene under every setting, then play the scenes, and record what comes out.
 
     Raises
     ------
@@ -43,128 +45,144 @@ def play(scenes: list[Scene], topic: str, output: Path, view: bool = False) -> l
     if topic.endswith('/compressed'):
         base_topic, transport = topic.rsplit('/', 1)[0], 'compressed'
     phases = [phase for scene in scenes for phase in phases_of(scene)]
-    with private_master('demo'), open(output / 'launch.log', 'w', encoding='utf-8') as log:
-        launch = subprocess.Popen(
-            ['roslaunch', '--wait', 'rvc_features', 'demo.launch', f'in:={base_topic}',
-             f'image_transport:={transport}', f'view:={str(view).lower()}', 'paused:=true',
-             'bags:=' + ' '.join(str(scene.bag.resolve()) for scene in scenes)],
-            stdout=log, stderr=log, start_new_session=True)
-        try:
-            _wait_for_node(launch, log.name)
-            with Recorder(output) as recorder:
-                _listen_and_turn(phases, base_topic, transport, recorder, launch)
-        finally:
-            _end(launch)
+    with private_master('demo'), \
+            launched([scene.bag for scene in scenes], base_topic, transport, view, output / 'launch.log') as launch:
+        _wait_for_node(launch, output / 'launch.log')
+        with recorder(output, _NODE) as recording:
+            session = _Session(base_topic, transport, recording, launch)
+            session.show(phases)
+            session.play(phases)
+            session.close()
     return phases
 
 
-class Recorder:
-    """Writes what the node publishes: a bag of it, and a video of the pictures."""
+class _Session:
+    """Listens to what goes in and comes out, and turns the parameters."""
 
-    def __init__(self, output: Path) -> None:
-        self._bag = rosbag.Bag(str(output / 'output.bag'), 'w')
-        self._video_path = str(output / 'annotated.avi')
-        self._video: cv2.VideoWriter | None = None
-        self._size = (0, 0)
+    def __init__(self, base_topic: str, transport: str, recording: Recorder, launch: subprocess.Popen) -> None:
+        self._recording = recording
+        self._launch = launch
+        self._base_topic = base_topic
+        self._transport = transport
+        self._changed = threading.Condition()
+        self._playing: Phase | None = None       # the phase in force, of what is played
+        self._total_in = 0
+        self._newest_in = self._newest_out = None
+        self._over = False
+        self._shown_pictures: dict[genpy.Time, float] = {}    # when they came
+        self._shown_points: dict[genpy.Time, np.ndarray] = {}
 
-    def __enter__(self) -> Recorder:
-        return self
+        self._client = Client(_NODE, timeout=_PATIENCE)
+        self._defaults = dict(self._client.get_configuration(timeout=_PATIENCE) or {})
+        self._defaults.pop('groups', None)
+        self._subscribers = [
+            rospy.Subscriber(f'{_NODE}/key_points', KeyPoints, self._key_points_came_out, queue_size=100),
+            ImageTransport().subscribe(f'{_NODE}/image', self._image_came_out, queue_size=100)]
+        _wait_until_the_node_listens()
+        threading.Thread(target=self._watch, daemon=True).start()
 
-    def __exit__(self, *error: object) -> None:
-        self._bag.close()
-        if self._video is not None:
-            self._video.release()
+    def show(self, phases: list[Phase]) -> None:
+        """Send the frame of each scene that is shown, under every setting."""
+        camera = ImageTransport().advertise(self._base_topic, transports=[self._transport])
+        deadline = time.monotonic() + _PATIENCE
+        number = 0
+        try:
+            for phase in phases:
+                self._configure(phase)
+                answers = 0
+                while answers < _SHOWS:
+                    number += 1
+                    stamp = genpy.Time(number)
+                    sent = time.perf_counter()
+                    camera.publish_array(phase.scene.shown, 'bgr8', Header(stamp=stamp, frame_id=_SHOWN))
+                    with self._changed:
+                        if self._changed.wait_for(
+                                lambda: stamp in self._shown_pictures and stamp in self._shown_points, 1):  # noqa: B023
+                            phase.shown_points = self._shown_points[stamp]
+                            if answers > 0:
+                                phase.milliseconds.append(1000 * (self._shown_pictures[stamp] - sent))
+                            answers += 1
+                            deadline = time.monotonic() + _PATIENCE
+                    if time.monotonic() > deadline:
+                        raise DemoError(f'the node does not answer to an image on {self._base_topic}')
+        finally:
+            camera.shutdown()
 
-    def key_points(self, message: KeyPoints) -> None:
-        self._bag.write(f'{_NODE}/key_points', message, message.header.stamp)
+    def play(self, phases: list[Phase]) -> None:
+        """Play the bags, and start each phase when the one before has had its frames."""
+        image_in = ImageTransport().subscribe(
+            self._base_topic, self._image_came_in, queue_size=100, decode=False,
+            transport_hints=TransportHints(self._transport, parameter_name='demo_transport'))
+        self._subscribers.append(image_in)
+        ends = np.cumsum([phase.frames for phase in phases]).tolist()
+        for number, (phase, end) in enumerate(zip(phases, ends)):
+            self._configure(phase)
+            with self._changed:
+                self._playing = phase
+            if number == 0:
+                rospy.ServiceProxy('/player/pause_playback', SetBool)(False)
+            with self._changed:
+                self._wait_until(lambda: self._total_in >= end)   # noqa: B023, used in this round only
+                last = self._newest_in
+                self._changed.wait_for(
+                    lambda: self._newest_out == last or self._newest_in != last, _GRACE)   # noqa: B023
+        if not any(phase.frames_out for phase in phases):
+            raise DemoError('the node published nothing')
 
-    def picture(self, message: Image, picture: np.ndarray) -> None:
-        self._bag.write(f'{_NODE}/image', message, message.header.stamp)
-        if self._video is None:
-            self._size = (picture.shape[1], picture.shape[0])
-            self._video = cv2.VideoWriter(self._video_path, cv2.VideoWriter.fourcc(*'MJPG'), 10, self._size)
-        self._video.write(cv2.resize(picture, self._size))
+    def close(self) -> None:
+        for subscriber in self._subscribers:
+            subscriber.unregister() if isinstance(subscriber, rospy.Subscriber) else subscriber.shutdown()
 
+    def _configure(self, phase: Phase) -> None:
+        self._client.update_configuration({**self._defaults, **phase.changes})
 
-def _listen_and_turn(phases: list[Phase], base_topic: str, transport: str, recorder: Recorder,
-                     launch: subprocess.Popen) -> None:
-    """Subscribe to what goes in and comes out, and start each phase when the one before has had its frames."""
-    # The phase in force, and what the node has made of the newest frame.
-    now = SimpleNamespace(phase=phases[0], total_in=0, newest_in=None, newest_out=None, arrivals={},
-                          over=False, closed=False)
-    changed = threading.Condition()
+    def _watch(self) -> None:
+        self._launch.wait()
+        with self._changed:
+            self._over = True
+            self._changed.notify_all()
 
-    def watch() -> None:
-        launch.wait()
-        with changed:
-            now.over = True
-            changed.notify()
-
-    def image_came_in(message: Any) -> None:
-        with changed:
-            now.phase.frames_in += 1
-            now.total_in += 1
-            now.newest_in = message.header.stamp
-            now.arrivals[message.header.stamp] = time.perf_counter()
-            changed.notify()
-
-    def key_points_came_out(message: KeyPoints) -> None:
-        with changed:
-            if now.closed:
+    def _image_came_in(self, message: Any) -> None:
+        with self._changed:
+            if message.header.frame_id == _SHOWN or self._playing is None:
                 return
-            now.phase.points.append(len(message.x))
-            recorder.key_points(message)
+            self._playing.frames_in += 1
+            self._total_in += 1
+            self._newest_in = message.header.stamp
+            self._changed.notify_all()
 
-    def image_came_out(message: Image) -> None:
-        with changed:
-            if now.closed:
-                return
-            stamp = message.header.stamp
-            if stamp in now.arrivals:
-                now.phase.milliseconds.append(1000 * (time.perf_counter() - now.arrivals[stamp]))
-            now.phase.frames_out += 1
-            now.phase.picture = to_array(message, 'bgr8', writable=True)
-            now.newest_out = stamp
-            recorder.picture(message, now.phase.picture)
-            changed.notify()
+    def _key_points_came_out(self, message: KeyPoints) -> None:
+        with self._changed:
+            if message.header.frame_id == _SHOWN:
+                points = kp.empty(len(message.x))
+                for name in kp.NAMES:
+                    points[name] = getattr(message, name)
+                self._shown_points[message.header.stamp] = points
+                self._changed.notify_all()
+            elif self._playing is not None:
+                self._playing.points.append(len(message.x))
+                self._recording.key_points(message)
 
-    def wait_until(reached: Callable[[], bool]) -> None:
+    def _image_came_out(self, message: Image) -> None:
+        came = time.perf_counter()
+        with self._changed:
+            if message.header.frame_id == _SHOWN:
+                self._shown_pictures[message.header.stamp] = came
+            elif self._playing is not None:
+                self._playing.frames_out += 1
+                self._newest_out = message.header.stamp
+                self._recording.picture(message, to_array(message, 'bgr8'))
+            self._changed.notify_all()
+
+    def _wait_until(self, reached: Callable[[], bool]) -> None:
         """Until `reached` or the player has ended; DemoError when nothing moves."""
-        while not reached() and not now.over:
-            before = now.total_in
-            if not changed.wait(_PATIENCE) and now.total_in == before:
-                raise DemoError(f'no image on {base_topic} for {_PATIENCE:.0f} s')
-
-    client = Client(_NODE, timeout=_PATIENCE)
-    defaults = dict(client.get_configuration(timeout=_PATIENCE) or {})
-    defaults.pop('groups', None)
-    key_points = rospy.Subscriber(f'{_NODE}/key_points', KeyPoints, key_points_came_out, queue_size=100)
-    image_out = ImageTransport().subscribe(f'{_NODE}/image', image_came_out, queue_size=100)
-    image_in = ImageTransport().subscribe(
-        base_topic, image_came_in, queue_size=100, decode=False,
-        transport_hints=TransportHints(transport, parameter_name='demo_transport'))
-    _wait_until_the_node_listens()
-    threading.Thread(target=watch, daemon=True).start()
-    for phase, end in zip(phases, np.cumsum([phase.frames for phase in phases])):
-        client.update_configuration({**defaults, **phase.changes})
-        with changed:
-            now.phase = phase
-        if phase is phases[0]:
-            rospy.ServiceProxy('/player/pause_playback', SetBool)(False)
-        with changed:
-            wait_until(lambda: now.total_in >= end)   # noqa: B023, used in this round only
-            last = now.newest_in
-            changed.wait_for(lambda: now.newest_out == last or now.newest_in != last, _GRACE)   # noqa: B023
-    image_in.shutdown()
-    image_out.shutdown()
-    key_points.unregister()
-    with changed:   # what rospy has in hand still comes
-        now.closed = True
-    if not any(phase.frames_out for phase in phases):
-        raise DemoError('the node published nothing')
+        while not reached() and not self._over:
+            before = self._total_in
+            if not self._changed.wait(_PATIENCE) and self._total_in == before:
+                raise DemoError(f'no image on {self._base_topic} for {_PATIENCE:.0f} s')
 
 
-def _wait_for_node(launch: subprocess.Popen, log: str) -> None:
+def _wait_for_node(launch: subprocess.Popen, log: Path) -> None:
     deadline = time.monotonic() + _PATIENCE
     while True:
         try:
@@ -189,14 +207,3 @@ def _wait_until_the_node_listens() -> None:
     if not connected.wait(_PATIENCE):
         raise DemoError('the node does not listen to the player')
     subscriber.unregister()
-
-
-def _end(process: subprocess.Popen) -> None:
-    """End a process that leads a session, and all it started."""
-    if process.poll() is None:
-        process.send_signal(signal.SIGINT)
-    try:
-        process.wait(_PATIENCE)
-    except subprocess.TimeoutExpired:
-        os.killpg(process.pid, signal.SIGKILL)
-        process.wait()
