@@ -17,6 +17,7 @@ import tempfile
 import threading
 import time
 import unittest
+import weakref
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -62,13 +63,28 @@ def wait_until(condition, what, patience=PATIENCE):
         time.sleep(0.01)
 
 
-def reading_whole(sock):
-    """A subscriber's connection as rospy makes it, over that socket."""
-    connection = TCPROSTransport(TCPROSSub('/topic', messages.Image, buff_size=1000), '/topic')
+def reading(sock, whole=True, megapixels=36.0, message_class=messages.Image):
+    """A subscriber's connection as rospy makes it, over that socket, read as ours are."""
+    message_class = whole_reads.received(message_class, megapixels)
+    connection = TCPROSTransport(TCPROSSub('/topic', message_class, buff_size=1000), '/topic')
     connection.set_socket(sock, 'test')
-    whole_reads.read_whole_messages(SimpleNamespace(impl=SimpleNamespace(
-        add_connection=None, connections=[connection])))
+    whole_reads.read_messages(SimpleNamespace(impl=SimpleNamespace(add_connection=None, connections=[connection])),
+                              whole)
     return connection
+
+
+def on_the_wire_as_header(*fields):
+    """What a connection begins with, of fields such as topic=/camera."""
+    body = b''.join(struct.pack('<I', len(field)) + field for field in (text.encode('latin1') for text in fields))
+    return struct.pack('<I', len(body)) + body
+
+
+def on_the_wire(*images):
+    """The bytes of messages one after another, as a publisher sends them."""
+    buffer = io.BytesIO()
+    for number, image in enumerate(images):
+        rospy.msg.serialize_message(buffer, number, image)
+    return buffer.getvalue()
 
 
 class CountingTransport(Transport):
@@ -197,14 +213,11 @@ class ImageTransportTest(unittest.TestCase):
 
     def test_messages_are_read_whole_however_they_come(self):
         images = [to_image_message(np.full((height, 50, 3), height, np.uint8), 'bgr8') for height in (1, 400, 30, 2000)]
-        buffer = io.BytesIO()
-        for number, image in enumerate(images):
-            rospy.msg.serialize_message(buffer, number, image)
-        sent = buffer.getvalue()
+        sent = on_the_wire(*images)
         first = 4 + struct.unpack_from('<I', sent)[0]
         for cuts in ([], [1], [4], [5, 6, 7], [first], [first + 2], [first + 4, 50_000], [*range(900, 99_999, 900)]):
             ours, theirs = socket.socketpair()
-            connection = reading_whole(ours)
+            connection = reading(ours)
 
             def send(portions=cuts, theirs=theirs):
                 with theirs:
@@ -226,11 +239,119 @@ class ImageTransportTest(unittest.TestCase):
 
     def test_connection_that_ends_within_a_message_is_noticed(self):
         ours, theirs = socket.socketpair()
-        connection = reading_whole(ours)
+        connection = reading(ours)
         with theirs:
             theirs.sendall(struct.pack('<I', 10_000) + bytes(500))
         with contextlib.closing(connection), self.assertRaises(TransportTerminated):
             connection.receive_once()
+
+    def test_messages_that_are_no_images_come_as_such_and_hold_up_none_behind_them(self):
+        good = to_image_message(quadrants('bgr8'), 'bgr8')
+        packed = CompressedImage(Header(), 'bgr8; jpeg compressed bgr8', JPEG)
+        rubbish = [b'', bytes(3), b'\xff' * 500, struct.pack('<4I', 0, 0, 0, 2**32 - 1) + bytes(40), os.urandom(5000)]
+        for message_class, image in ((messages.Image, good), (CompressedImage, packed)):
+            for whole in (True, False) if message_class is messages.Image else (False,):
+                ours, theirs = socket.socketpair()
+                sent = b''.join(struct.pack('<I', len(data)) + data for data in [*rubbish, bytes(900_000)])
+                sender = threading.Thread(target=lambda sent=sent, theirs=theirs, image=image: theirs.sendall(
+                    sent + on_the_wire(image)))
+                sender.start()
+                connection = reading(ours, whole, megapixels=0.2, message_class=message_class)
+                with contextlib.closing(connection), theirs, Warnings() as texts:
+                    received = []
+                    while len(received) < len(rubbish) + 2:
+                        received += connection.receive_once()
+                    sender.join()
+                np.testing.assert_allclose(corners(to_array(received[-1])), corners(quadrants('bgr8')), atol=3)
+                for message in received[:-1]:
+                    with pytest.raises(image_transport.ImageError):
+                        to_array(message)
+                with pytest.raises(image_transport.ImageError, match=re.escape(
+                        '900000 bytes passed over unread: more than 0.2 megapixels (parameter ~most_megapixels)')):
+                    to_array(received[-2])
+                assert not re.search('Traceback|File "', ''.join(texts))
+
+    def test_rospy_does_not_keep_a_message_that_has_been_dealt_with(self):
+        """It would until the next one of that connection comes, which may be never."""
+        for whole in (True, False):
+            ours, theirs = socket.socketpair()
+            connection, left = reading(ours, whole), []
+            loop = threading.Thread(target=connection.receive_loop, daemon=True, args=[
+                lambda received, _, left=left: left.append(weakref.ref(received[0]))])
+            loop.start()
+            with theirs:
+                theirs.sendall(on_the_wire(to_image_message(quadrants('bgr8'), 'bgr8')))
+                wait_until(lambda left=left: left and left[0]() is None, 'message freed')
+            loop.join(PATIENCE)
+
+    def test_limit_of_size(self):
+        for value, expected in ((0.001, 0.001), (100, 100.0), (0, 36.0), ('many', 36.0), (True, 36.0), (1e9, 36.0)):
+            rospy.set_param('~most_megapixels', value)
+            with Warnings() as texts:
+                assert image_transport.image_transport.most_megapixels() == expected
+            assert ('~most_megapixels must be a number' in ''.join(texts)) == (expected == 36.0), value
+        rospy.set_param('~most_megapixels', 0.005)
+        self.addCleanup(rospy.delete_param, '~most_megapixels')
+        publisher = self.advertise('large')
+        _, raw = self.subscribe('large', queue_size=10)
+        subscriber, packed = self.subscribe('large', transport_hints=COMPRESSED, queue_size=10)
+        wait_until(lambda: publisher.get_num_subscribers() == 2, 'connected')
+        publisher.publish_array(quadrants('mono8'), 'mono8')
+        with pytest.raises(image_transport.ImageError, match=re.escape(
+                '96 x 64 pixels: more than 0.005 megapixels (parameter ~most_megapixels)')):
+            to_array(raw.get(timeout=PATIENCE))
+        wait_until(lambda: subscriber.errors == 1, 'refused')
+        publisher.publish_array(quadrants('mono8')[:64, :64], 'mono8')
+        assert packed.get(timeout=PATIENCE).width == to_array(raw.get(timeout=PATIENCE)).shape[1] == 64
+
+    def test_a_connection_that_says_nothing_or_rubbish_holds_up_nobody(self):
+        publisher = self.advertise('besieged', transports=['raw'])
+        host, port = rospy.impl.tcpros_base.get_tcpros_server_address()
+        silent = [socket.create_connection((host, port)) for _ in range(5)]
+        for connection in silent:
+            self.addCleanup(connection.close)
+        silent[0].sendall(b'\x40')
+        begin = time.monotonic()
+        _, images = self.subscribe('besieged')
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected', patience=3)
+        assert time.monotonic() - begin < 3
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        images.get(timeout=PATIENCE)
+
+        with Warnings() as texts:
+            for said in (b'\xff' * 8, b'GET / HTTP/1.0\r\n\r\n', struct.pack('<I', 3) + b'abc', struct.pack('<I', 0),
+                         on_the_wire_as_header('topic=/nowhere', 'md5sum=*', 'callerid=/test'),
+                         on_the_wire_as_header('topic=/besieged', 'md5sum=*'),
+                         on_the_wire_as_header('service=/nowhere', 'md5sum=*', 'callerid=/test'),
+                         on_the_wire_as_header('nothing=of use'), on_the_wire_as_header('\xff')):
+                for _ in range(10):
+                    with socket.create_connection((host, port)) as connection:
+                        connection.sendall(said)
+                        connection.settimeout(PATIENCE)
+                        with contextlib.suppress(ConnectionResetError):   # or ended with something left unread
+                            while connection.recv(1000):
+                                pass
+            _, images = self.subscribe('besieged', transport_hints=TransportHints('raw', 'none'))
+            publisher.publish_array(quadrants('bgr8'), 'bgr8')
+            images.get(timeout=PATIENCE)
+        assert len(texts) <= 1, 'throttled'
+        assert not re.search('Traceback|File "', ''.join(texts))
+        for connection in silent[1:]:
+            connection.settimeout(PATIENCE)
+            assert connection.recv(100) == b'', 'ended after some seconds'
+
+    def test_a_subscription_that_ends_leaves_no_descriptor_open(self):
+        publisher = self.advertise('cycled', transports=['raw'])
+        gc.disable()
+        self.addCleanup(gc.enable)
+        counts = []
+        for _ in range(30):
+            subscriber, _ = self.subscribe('cycled')
+            wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+            subscriber.shutdown()
+            wait_until(lambda: publisher.get_num_subscribers() == 0, 'gone')
+            counts.append(len(os.listdir('/proc/self/fd')))
+        assert max(counts) - counts[0] <= 5, counts
 
     def test_any_tool_recognises_what_we_publish(self):
         publisher = self.advertise('typed', latch=True)
@@ -267,7 +388,7 @@ class ImageTransportTest(unittest.TestCase):
         assert published['/elsewhere/camera/compressed'] == 'sensor_msgs/CompressedImage'
         assert rospy.get_param('/elsewhere/camera/compressed/jpeg_quality') == 80
         subscriber, messages = self.subscribe('here', transport_hints=COMPRESSED)
-        assert (subscriber.get_topic(), subscriber.get_transport()) == ('/elsewhere/camera', 'compressed')
+        assert (subscriber.get_topic(), subscriber.get_transport()) == ('/elsewhere/camera/compressed', 'compressed')
         wait_until(lambda: publisher.get_num_subscribers() == subscriber.get_num_publishers() == 1, 'connected')
         publisher.publish_array(quadrants('bgr8'), 'bgr8')
         messages.get(timeout=PATIENCE)
@@ -526,7 +647,6 @@ class ImageTransportTest(unittest.TestCase):
         assert problems == []
         wait_until(lambda: set(threading.enumerate()) <= threads_before, 'no thread')
         assert not [topic for topic in rospy.topics.get_topic_manager().subs if topic.startswith('/hundred')]
-        gc.collect()   # rospy leaves it to the collector to close the pollers of topics
         assert len(os.listdir('/proc/self/fd')) < files_before + 10   # some, for rospy's calls to other nodes
 
     def test_publisher_that_ends_takes_everything_with_it_and_can_come_back(self):

@@ -23,7 +23,7 @@ from rvc_features.image_transport.encodings import (
     letters,
     recoloured,
 )
-from rvc_features.still_images import MEGAPIXELS, Still, StillImageError
+from rvc_features.still_images import MEGAPIXELS, Still, StillImageError, TooLargeError
 
 COMPRESSED_FORMATS = ('jpeg', 'png')
 
@@ -93,6 +93,8 @@ def decompressed(message: Any, wanted: str, megapixels: float = MEGAPIXELS) -> t
             # The luminance is what JPEG has at hand.
             return still_images.decode(still, cv2.IMREAD_GRAYSCALE), 'mono8'
         array = still_images.decode(still)
+    except TooLargeError as error:
+        raise ImageError(f'{error} (parameter ~most_megapixels)') from None
     except StillImageError as error:
         raise ImageError(f'{error} (format {message.format[:50]!r})') from None
     return (array, stored) if wanted != 'passthrough' else (recoloured(array, stored, encoding), encoding)

@@ -9,9 +9,13 @@ import rosgraph.names
 import rospy
 
 from rvc_features.image_transport import transports as known
+from rvc_features.image_transport.handshakes import limit_handshakes
 from rvc_features.image_transport.publisher import Publisher
 from rvc_features.image_transport.subscriber import Subscriber
 from rvc_features.image_transport.transports import TRANSPORTS
+from rvc_features.still_images import MEGAPIXELS
+
+_MOST_MEGAPIXELS = 10_000.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -38,7 +42,13 @@ class TransportHints:
 
 
 class ImageTransport:
-    """Advertises and subscribes to image topics; the node must be initialised."""
+    """Advertises and subscribes to image topics; the node must be initialised.
+
+    From the first on, the node's port gives no connection more than five seconds to say what it wants.
+    """
+
+    def __init__(self) -> None:
+        limit_handshakes()
 
     def advertise(self, base_topic: str, queue_size: int = 1, latch: bool = False,
                   subscriber_connected: Callable[[], Any] | None = None,
@@ -97,18 +107,28 @@ class ImageTransport:
         if isinstance(hints, str):
             hints = TransportHints(hints)
         return Subscriber(rospy.resolve_name(base_topic), callback, queue_size, known.create(hints.get_transport()),
-                          hints.tcp_nodelay, decode)
+                          hints.tcp_nodelay, decode, most_megapixels())
 
     def get_declared_transports(self) -> list[str]:
         """Names of all transports."""
         return sorted(TRANSPORTS)
 
 
+def most_megapixels() -> float:
+    """What ~most_megapixels says, as a limit for the images that are read; a warning where it makes no sense."""
+    asked = rospy.get_param('~most_megapixels', MEGAPIXELS)
+    if isinstance(asked, (int, float)) and not isinstance(asked, bool) and 0 < asked <= _MOST_MEGAPIXELS:
+        return float(asked)
+    rospy.logwarn(f'~most_megapixels must be a number above 0 and up to {_MOST_MEGAPIXELS:g}; got {str(asked)[:50]!r}, '
+                  f'{MEGAPIXELS:g} is used')
+    return MEGAPIXELS
+
+
 def known_transport(reject: Callable[[str], None] = rospy.logwarn) -> TransportHints:
     """What ~image_transport says; where there is no such transport, raw, and a sentence to `reject`."""
     asked = str(TransportHints().get_transport())
     if asked not in TRANSPORTS:
-        reject(f"~image_transport must be one of {', '.join(sorted(TRANSPORTS))}; got {asked!r}, 'raw' is used")
+        reject(f"~image_transport must be one of {', '.join(sorted(TRANSPORTS))}; got {asked[:50]!r}, 'raw' is used")
         asked = 'raw'
     return TransportHints(asked, parameter_name='image_transport_in_use')
 

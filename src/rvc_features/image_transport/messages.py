@@ -13,6 +13,7 @@ from std_msgs.msg import Header
 
 from rvc_features.image_transport.compressed import decompressed
 from rvc_features.image_transport.encodings import YUV, ImageError, buffer, converted, fitting, layout
+from rvc_features.still_images import MEGAPIXELS, TooLargeError, check_size
 
 
 def to_array(message: Any, encoding: str = 'bgr8', writable: bool = False) -> np.ndarray:
@@ -45,7 +46,7 @@ def to_array(message: Any, encoding: str = 'bgr8', writable: bool = False) -> np
     """
     if encoding not in ('bgr8', 'mono8', 'passthrough'):
         raise ValueError(f'encoding must be bgr8, mono8 or passthrough; got {encoding!r}')
-    array, stored = decompressed(message, encoding) if hasattr(message, 'format') else _view(message)
+    array, stored = _pixels(whole(message), encoding)
     if encoding != 'passthrough':
         array = converted(array, stored, encoding)
     return array.copy() if writable and not array.flags.writeable else array
@@ -53,7 +54,15 @@ def to_array(message: Any, encoding: str = 'bgr8', writable: bool = False) -> np
 
 def unpack(message: Any) -> tuple[np.ndarray, str]:
     """The pixels of an image message as they are, and their encoding; otherwise as `to_array`."""
-    return decompressed(message, 'passthrough') if hasattr(message, 'format') else _view(message)
+    return _pixels(whole(message), 'passthrough')
+
+
+def whole(message: Any) -> Any:
+    """The message, if it is one: ImageError for what a subscription of ours could not read."""
+    problem = getattr(message, 'problem', '')
+    if problem:
+        raise ImageError(problem)
+    return message
 
 
 def to_image_message(array: np.ndarray, encoding: str, header: Header | None = None) -> Image:
@@ -113,7 +122,12 @@ class Image(sensor_msgs.msg.Image):
         return [bytes(value) if isinstance(value, memoryview) else value for value in super().__getstate__()]
 
 
-def _view(message: Any) -> tuple[np.ndarray, str]:
+def _pixels(message: Any, encoding: str) -> tuple[np.ndarray, str]:
+    megapixels = getattr(message, 'megapixels', MEGAPIXELS)   # a subscription of ours says how large it may be
+    return (decompressed(message, encoding, megapixels) if hasattr(message, 'format') else _view(message, megapixels))
+
+
+def _view(message: Any, megapixels: float) -> tuple[np.ndarray, str]:
     """The pixels of a sensor_msgs/Image, checked, and their encoding."""
     dtype, channels = layout(message.encoding)
     height, width, step = message.height, message.width, message.step
@@ -127,6 +141,10 @@ def _view(message: Any) -> tuple[np.ndarray, str]:
     data = buffer(message.data)
     if len(data) != height * step:
         raise ImageError(f'data has {len(data)} bytes, but {height} rows of {step} bytes make {height * step}')
+    try:
+        check_size(width, height, megapixels, channels * dtype.itemsize)
+    except TooLargeError as error:
+        raise ImageError(f'{error} (parameter ~most_megapixels)') from None
     dtype = dtype.newbyteorder('>' if message.is_bigendian else '<')
     array: np.ndarray = np.ndarray((height, width, channels), dtype, data,
                                    strides=(step, channels * dtype.itemsize, dtype.itemsize))

@@ -109,7 +109,7 @@ class _Outlet(rospy.SubscribeListener):
     def shutdown(self) -> None:
         with self._sending:
             self._last = None
-            self._publisher.unregister()
+            unregister(self._publisher)
         self._transport.stop_publishing()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
@@ -148,3 +148,13 @@ def num_connections(topic: rospy.topics.Topic) -> int:
     """As topic.get_num_connections, without its lock, which rospy also holds while it announces that one has left."""
     implementation = topic.impl   # None after unregister
     return 0 if implementation is None else len(implementation.connections)
+
+
+def unregister(topic: rospy.topics.Topic) -> None:
+    """Unregister a publisher or subscriber, and close the poller that rospy leaves to the collector (ros_comm#2373)."""
+    implementation = topic.impl
+    topic.unregister()
+    if implementation is not None and implementation.closed:   # else others in this node use it too
+        close = getattr(implementation.connection_poll.poller, 'close', None)
+        if close is not None:   # of epoll and kqueue
+            close()

@@ -7,10 +7,10 @@ from typing import Any, Callable
 import rospy
 
 from rvc_features.image_transport.encodings import ImageError
-from rvc_features.image_transport.messages import Image
-from rvc_features.image_transport.publisher import WARNING_PERIOD, num_connections
+from rvc_features.image_transport.messages import Image, whole
+from rvc_features.image_transport.publisher import WARNING_PERIOD, num_connections, unregister
 from rvc_features.image_transport.transports import TRANSPORTS, Transport
-from rvc_features.image_transport.whole_reads import FIRST_READ, read_whole_messages
+from rvc_features.image_transport.whole_reads import FIRST_READ, read_messages, received
 
 # How much rospy reads at once: more than a message, or old frames wait in the socket although queue_size is 1. Raw
 # images for callbacks that only store are read whole instead.
@@ -21,27 +21,26 @@ class Subscriber:
     """A subscription to an image topic; made by `ImageTransport.subscribe`."""
 
     def __init__(self, base_topic: str, callback: Callable[[Any], Any], queue_size: int, transport: Transport,
-                 tcp_nodelay: bool, decode: bool) -> None:
+                 tcp_nodelay: bool, decode: bool, megapixels: float) -> None:
         self.errors = 0   # messages that could not be decoded
         self._base_topic = base_topic
         self._transport = transport
         self._callback: Callable[[Any], Any] | None = callback
         self._decode = decode
         _warn_of_transport_in(self._base_topic)
-        whole = not decode and self._transport.message_class is Image
+        at_once = not decode and self._transport.message_class is Image
         self._subscriber = rospy.Subscriber(
-            self._transport.topic(self._base_topic), self._transport.message_class, self._receive,
-            queue_size=queue_size or None, buff_size=FIRST_READ if whole else _LARGE_BUFFER, tcp_nodelay=tcp_nodelay)
-        if whole:
-            read_whole_messages(self._subscriber)
+            self.get_topic(), received(self._transport.message_class, megapixels), self._receive,
+            queue_size=queue_size or None, buff_size=FIRST_READ if at_once else _LARGE_BUFFER, tcp_nodelay=tcp_nodelay)
+        read_messages(self._subscriber, at_once)
 
     def get_num_publishers(self) -> int:
         """How many publishers the subscriber is connected to."""
         return num_connections(self._subscriber)
 
     def get_topic(self) -> str:
-        """The resolved base topic; that of the transport may be another one."""
-        return self._base_topic
+        """The topic that messages come on: that of the transport, such as /camera/image/compressed."""
+        return self._transport.topic(self._base_topic)
 
     def get_transport(self) -> str:
         """Name of the transport in use."""
@@ -50,17 +49,17 @@ class Subscriber:
     def shutdown(self) -> None:
         """Unsubscribe; a callback that has begun may still be running afterwards, but none begins."""
         self._callback = None
-        self._subscriber.unregister()
+        unregister(self._subscriber)
 
     def _receive(self, message: Any) -> None:
         callback = self._callback
         if callback is None:
             return
         try:
-            image = self._transport.decode(message) if self._decode else message
+            image = self._transport.decode(whole(message)) if self._decode else message
         except ImageError as error:
             self.errors += 1
-            rospy.logwarn_throttle(WARNING_PERIOD, f'{self._transport.topic(self._base_topic)}: image skipped, '
+            rospy.logwarn_throttle(WARNING_PERIOD, f'{self.get_topic()}: image skipped, '
                                                     f'{self.errors} so far: {error}')
             return
         callback(image)

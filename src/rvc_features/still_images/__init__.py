@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 
 from rvc_features.still_images import decoder_warnings, jpeg, png
-from rvc_features.still_images.budget import MEGAPIXELS, Still, StillImageError, TooLargeError, check_size
+from rvc_features.still_images.budget import MEGAPIXELS, Still, StillImageError, TooLargeError, check_size, most_bytes
 
-__all__ = ['MEGAPIXELS', 'Still', 'StillImageError', 'TooLargeError', 'check', 'check_size', 'decode', 'kind']
+__all__ = ['MEGAPIXELS', 'Still', 'StillImageError', 'TooLargeError', 'check', 'check_size', 'decode', 'kind',
+           'most_bytes']
 
 
 def kind(data: bytes) -> str | None:

@@ -57,3 +57,8 @@ def check_size(width: int, height: int, megapixels: float, bytes_per_pixel: floa
     if passes > _MOST_SCANS or pixels * passes > _PASSES * most:
         raise TooLargeError(f'JPEG of {passes} scans over {width} x {height} pixels: '
                             f'more than {_MOST_SCANS}, or than {_PASSES} over {megapixels:g} megapixels')
+
+
+def most_bytes(megapixels: float) -> int:
+    """What the pixels of an image of that limit may take."""
+    return int(_BYTES * 1e6 * megapixels)

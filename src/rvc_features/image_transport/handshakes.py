@@ -1,0 +1,117 @@
+"""How the node's port answers: one that says nothing, or rubbish, holds up nobody.
+
+rospy reads what a new connection asks for in the thread that accepts connections, for as long as that takes, and
+writes a traceback for each that asks for nothing there is. Here each is read in a thread of its own, with a limit in
+time, and answered in turn.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import struct
+import threading
+import time
+from typing import Any
+
+import rospy
+import rospy.impl.tcpros_base
+from rosgraph.network import decode_ros_handshake_header, write_ros_handshake_header
+
+_SECONDS = 5.0         # that a connection has to say what it wants
+_MOST_WAITING = 100    # connections that haven't yet; one more, and the oldest is closed
+_MOST_BYTES = 1 << 16  # of a header; with it comes the definition of the message
+_WARNING_PERIOD = 60.0
+
+
+class Handshakes:
+    """What rospy's server hands each new connection to.
+
+    Parameters
+    ----------
+    server : rospy.impl.tcpros_base.TCPROSServer
+        Has the handlers for topics and services.
+    """
+
+    def __init__(self, server: Any) -> None:
+        self._server = server
+        self._waiting: list[socket.socket] = []
+        self._change = threading.Lock()
+        self._turn = threading.Lock()   # rospy's handlers know only one thread
+        self._refused = 0
+
+    def __call__(self, connection: socket.socket, address: tuple) -> None:
+        with self._change:
+            self._waiting.append(connection)
+            if len(self._waiting) > _MOST_WAITING:
+                _shut(self._waiting.pop(0))
+        threading.Thread(target=self._answer, args=(connection, address), name='handshake', daemon=True).start()
+
+    def _answer(self, connection: socket.socket, address: tuple) -> None:
+        try:
+            header = _read_header(connection)
+            with self._turn:
+                problem = self._accept(connection, address, header)
+            if problem:
+                write_ros_handshake_header(connection, {'error': problem})
+        except Exception as error:   # whatever the other side, or what it sent, leads to
+            problem = str(error) or type(error).__name__
+        finally:
+            with self._change:
+                if connection in self._waiting:
+                    self._waiting.remove(connection)
+        if problem:
+            connection.close()
+            self._report(address, problem)
+
+    def _accept(self, connection: socket.socket, address: tuple, header: dict[str, str]) -> str | None:
+        """rospy's answer: nothing, or why not."""
+        if 'topic' in header:
+            return self._server.topic_connection_handler(connection, address, header)
+        if 'service' in header:
+            return self._server.service_connection_handler(connection, address, header)
+        return 'no topic or service name detected'
+
+    def _report(self, address: tuple, problem: str) -> None:
+        if rospy.core.is_shutdown_requested():
+            return
+        self._refused += 1
+        rospy.logwarn_throttle(_WARNING_PERIOD, f'connection from {address[0]} refused, {self._refused} so far: '
+                                                f'{problem[:200]!r}')
+
+
+def limit_handshakes() -> None:
+    """Have this process's port answered like that; the node must be initialised."""
+    rospy.impl.tcpros_base.start_tcpros_server()   # does nothing where it runs
+    server = rospy.impl.tcpros_base._tcpros_server
+    if not isinstance(server.tcp_ros_server.inbound_handler, Handshakes):
+        server.tcp_ros_server.inbound_handler = Handshakes(server)
+
+
+def _read_header(connection: socket.socket) -> dict[str, str]:
+    """What the other side wants; TimeoutError, EOFError or ValueError where it doesn't say."""
+    deadline = time.monotonic() + _SECONDS
+    start = _read(connection, 4, deadline)
+    size, = struct.unpack('<I', start)
+    if size > _MOST_BYTES:
+        raise ValueError(f'header of {size} bytes')
+    header = decode_ros_handshake_header(start + _read(connection, size, deadline))
+    connection.settimeout(None)
+    return header
+
+
+def _read(connection: socket.socket, size: int, deadline: float) -> bytes:
+    data = b''
+    while len(data) < size:
+        connection.settimeout(max(deadline - time.monotonic(), 0.001))
+        portion = connection.recv(size - len(data))
+        if not portion:
+            raise EOFError('closed before it said what it wants')
+        data += portion
+    return data
+
+
+def _shut(connection: socket.socket) -> None:
+    """Wake whoever reads from it."""
+    with contextlib.suppress(OSError):   # closed by the other side already
+        connection.shutdown(socket.SHUT_RDWR)
