@@ -69,9 +69,9 @@ def mutual_nearest(first: np.ndarray, second: np.ndarray) -> tuple[np.ndarray, n
 
 def _places(points: np.ndarray) -> list[list[int]]:
     """Indices of the points at each distinct place, places in the order of their first point."""
-    places: dict[tuple[float, float], list[int]] = {}
-    for i, point in enumerate(points.tolist()):
-        places.setdefault((point[0], point[1]), []).append(i)
+    places: dict[tuple[float, ...], list[int]] = {}
+    for i, point in enumerate(points):
+        places.setdefault(tuple(point), []).append(i)
     return list(places.values())
 
 

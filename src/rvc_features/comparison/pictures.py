@@ -81,9 +81,9 @@ def _drawn(image: np.ndarray, points: np.ndarray, colours: np.ndarray, width: in
     pale = cv2.cvtColor(np.rint(small * 0.72 + 60).astype(np.uint8), cv2.COLOR_GRAY2BGR)
     radius, thickness = (3, 2) if pale.shape[1] >= 400 else (2, -1)
     # The strongest last, on top; of the kinds, those found again.
-    for (x, y), ring in zip(points[::-1].tolist(), colours[::-1].tolist()):
-        centre = round((x + 0.5) * scale * 16 - 8), round((y + 0.5) * scale * 16 - 8)
-        cv2.circle(pale, centre, radius * 16, ring, thickness, cv2.LINE_AA, 4)
+    for (x, y), ring in zip(points[::-1], colours[::-1]):
+        centre = round((float(x) + 0.5) * scale * 16 - 8), round((float(y) + 0.5) * scale * 16 - 8)
+        cv2.circle(pale, centre, radius * 16, tuple(map(int, ring)), thickness, cv2.LINE_AA, 4)
     return pale
 
 

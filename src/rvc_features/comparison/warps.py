@@ -54,7 +54,7 @@ def generated_photograph(seed: int = 1) -> np.ndarray:
     picture = np.zeros((height, width), np.float32)
     for side in (8, 30, 120):
         coarse = generator.normal(0, 12, (height // side + 2, width // side + 2)).astype(np.float32)
-        picture += cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC)
+        picture += np.asarray(cv2.resize(coarse, (width, height), interpolation=cv2.INTER_CUBIC), np.float32)
     picture += 128
     for _ in range(260):
         centre = generator.random(2) * (width, height)
@@ -168,7 +168,7 @@ def _noise(image: np.ndarray, sigma: float, generator: np.random.Generator) -> n
 
 def _jpeg(image: np.ndarray, quality: float, generator: np.random.Generator) -> np.ndarray:
     _, data = cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, int(quality)])
-    return cv2.imdecode(data, cv2.IMREAD_GRAYSCALE)
+    return np.asarray(cv2.imdecode(data, cv2.IMREAD_GRAYSCALE))
 
 
 def _light(image: np.ndarray, factor: float, generator: np.random.Generator) -> np.ndarray:
