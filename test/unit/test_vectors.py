@@ -90,7 +90,7 @@ def test_comparisons_and_maximum(dtype):
     bits = numba.njit(lambda a, b: (vectors.where_greater(load(a, 0), load(b, 0)),
                                     vectors.where_not_less(load(a, 0), load(b, 0))))(a, b)
     assert bits == tuple(sum(1 << int(i) for i in np.flatnonzero(where)) for where in (a > b, a >= b))
-    assert np.array_equal(applied(vectors.maximum, dtype, a, b), np.where(a > b, a, b), equal_nan=True)
+    np.testing.assert_array_equal(applied(vectors.maximum, dtype, a, b), np.where(a > b, a, b))
 
 
 @pytest.mark.parametrize('dtype', FLOATS)

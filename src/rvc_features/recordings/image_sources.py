@@ -115,7 +115,8 @@ class Video:
         check_regular(self.path)
         os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')   # what is wrong with a video is said by us, once
         capture = cv2.VideoCapture(str(self.path))
-        if not capture.isOpened():
+        # FFmpeg, as older OpenCV brings it, films the letters of a text file.
+        if not capture.isOpened() or capture.get(cv2.CAP_PROP_FOURCC) == cv2.VideoWriter_fourcc(*'ansi'):
             raise SourceError(f'{self.path}: not a video that OpenCV can read')
         return capture
 
