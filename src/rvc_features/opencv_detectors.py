@@ -54,6 +54,12 @@ class GoodFeaturesToTrackDetector(_OpenCVDetector):
         return cv2.GFTTDetector_create(self.number_of_points, self.quality_level, self.minimum_distance,
                                        self.block_size, self.gradient_size, self.use_harris, self.harris_k)
 
+    def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
+        found = super().detect_impl(image, mask)
+        if not found['response'].any():   # older OpenCV, as of Ubuntu 20.04, leaves it at 0 (opencv#16462)
+            found['response'] = self.response_map(image)[found['y'].astype(int), found['x'].astype(int)]
+        return found
+
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """The map that the points are the maxima of."""
         grey = as_grey(image)

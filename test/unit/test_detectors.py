@@ -100,3 +100,14 @@ def test_registering_is_refused_with_a_reason(registry):
 def test_an_unfinished_detector_can_not_be_made():
     with pytest.raises(TypeError, match='abstract'):
         type('Unfinished', (FeatureDetector,), {'name': 'unfinished'})()
+
+
+@pytest.mark.parametrize('use_harris', [False, True])
+def test_strength_of_good_features_to_track_is_that_of_the_map(use_harris):
+    """With every OpenCV: 4.2 leaves the responses of its key points at 0."""
+    image = texture()
+    detector = detectors.create('good_features_to_track', use_harris=use_harris)
+    points = detector.detect_arrays(image)
+    assert (points['response'] > 0).all()
+    np.testing.assert_array_equal(points['response'],
+                                  detector.response_map(image)[points['y'].astype(int), points['x'].astype(int)])

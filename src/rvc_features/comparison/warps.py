@@ -60,7 +60,7 @@ def generated_photograph(seed: int = 1) -> np.ndarray:
         centre = generator.random(2) * (width, height)
         radius = 8 * 12 ** generator.random()
         if generator.random() < 0.2:
-            middle = [int(16 * coordinate) for coordinate in centre]
+            middle = int(16 * centre[0]), int(16 * centre[1])
             cv2.circle(picture, middle, int(16 * radius), (float(generator.integers(20, 236)),), -1, cv2.LINE_AA, 4)
             continue
         angles = np.sort(generator.random(generator.integers(3, 7))) * 2 * math.pi
