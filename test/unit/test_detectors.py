@@ -61,7 +61,9 @@ def test_adapters_give_what_opencv_gives():
         points = ours[which].detect_arrays(image)
         assert len(points) > 30
         expected = expected[np.argsort(-expected['response'], kind='stable')][:len(points)]   # ORB gives a few more
-        assert np.array_equal(points, expected)
+        for field in key_points.NAMES:
+            if field != 'response' or expected[field].any():   # older OpenCV leaves out what the next test is about
+                assert np.array_equal(points[field], expected[field]), (which, field)
 
 
 def test_a_detector_from_outside_registers_itself(registry):

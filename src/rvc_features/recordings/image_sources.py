@@ -116,7 +116,7 @@ class Video:
         os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')   # what is wrong with a video is said by us, once
         capture = cv2.VideoCapture(str(self.path))
         # FFmpeg, as older OpenCV brings it, films the letters of a text file.
-        if not capture.isOpened() or capture.get(cv2.CAP_PROP_FOURCC) == cv2.VideoWriter_fourcc(*'ansi'):
+        if not capture.isOpened() or capture.get(cv2.CAP_PROP_FOURCC) == int.from_bytes(b'ansi', 'little'):
             raise SourceError(f'{self.path}: not a video that OpenCV can read')
         return capture
 
