@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rvc_features.kernels import compiler, sorting, suppression
+from rvc_features.kernels import compiler, sorting, spread, suppression
 from rvc_features.parameters import Integer, Real, check
 
 
@@ -64,6 +64,12 @@ def adaptive_non_maximal_suppression(points: np.ndarray, responses: np.ndarray, 
     check('count', count, Integer('', 0))
     check('robustness', robustness, Real('', 0, 1, above_low=True))
 
+    if compiler.available():
+        found = spread.reach_largest_radius(points, responses, robustness, count)
+        if found is not None:
+            candidates, radii = found
+            order = _strongest_first(responses.take(candidates))
+            return candidates.take(order).take(_largest_first(radii.take(order), count))
     order = _strongest_first(responses)
     radii = suppression_radii(points.take(order, axis=0), responses.take(order), robustness, count)
     # Of equal radii the first in the order of response and index.

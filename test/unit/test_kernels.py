@@ -16,7 +16,7 @@ from conftest import texture
 
 from rvc_features import drawing, filters, kernels, maxima, orientation
 from rvc_features.harris_detector import HarrisDetector
-from rvc_features.kernels import compiler, sorting, suppression
+from rvc_features.kernels import compiler, sorting, spread, suppression
 from rvc_features.kernels import drawing as compiled_drawing
 from rvc_features.kernels import maxima as compiled_maxima
 from rvc_features.kernels import orientation as compiled_orientation
@@ -216,10 +216,42 @@ def test_suppression_kernel_equals_reference(count, robustness):
             assert np.array_equal(suppression.significantly_stronger(falling, robustness), stronger)
             radii = filters.reference_radii(points[order], stronger)
             assert np.array_equal(suppression.suppression_radii(points[order], stronger, count), radii), name
-            for chosen in (1, 5, count // 2):
+            for chosen in (1, 5, count // 2, count // 5):
                 expected = order[np.argsort(-radii, kind='stable')[:chosen]]
                 found = filters.adaptive_non_maximal_suppression(points, responses, chosen, robustness)
                 assert np.array_equal(found, expected), name
+
+
+@compiled
+@pytest.mark.parametrize('robustness', [0.9, 1.0, 0.3])
+@pytest.mark.parametrize('count', [1, 10, 100, 300])
+def test_spread_kernel_equals_reference(count, robustness):
+    """Where it says anything it has at least as many as wanted, none missing that is as far from stronger ones."""
+    size, answers = 1500, 0
+    for name, points in point_sets(size):
+        for responses in (random.exponential(100, size), random.integers(1, 9, size) * 1.0, random.normal(0, 1, size),
+                          points.sum(axis=1), np.ones(size)):
+            found = spread.reach_largest_radius(points, responses, robustness, count)
+            if found is None:
+                continue
+            answers += 1
+            order = np.argsort(-responses, kind='stable')
+            radii = np.empty(size)
+            radii[order] = filters.reference_radii(points[order], filters.reference_stronger(responses[order],
+                                                                                            robustness))
+            chosen, their_radii = found
+            assert len(chosen) >= count
+            assert (np.diff(chosen) > 0).all()
+            assert np.array_equal(their_radii, radii[chosen]), name
+            assert np.delete(radii, chosen).max(initial=-1) < their_radii.min(), name
+    assert answers >= 5
+
+
+@compiled
+def test_spread_kernel_gives_up_where_there_is_no_grid_to_it():
+    for name, points in point_sets(900):
+        if name in ('line', 'one place', 'beyond any scale'):
+            assert spread.reach_largest_radius(points, random.exponential(1, 900), 0.9, 50) is None, name
 
 
 @compiled

@@ -11,7 +11,7 @@ import time
 
 import numpy as np
 
-from rvc_features.kernels import compiler, drawing, maxima, orientation, response, sorting, suppression
+from rvc_features.kernels import compiler, drawing, maxima, orientation, response, sorting, spread, suppression
 
 
 def compile_all() -> float:
@@ -34,6 +34,7 @@ def compile_all() -> float:
         sorting.strongest_first(responses.astype(np.float32))
         ring = x.astype(np.int64), y.astype(np.int64)
         drawing.stamp(np.zeros((40, 40, 3), np.uint8), x, y, responses, *ring, 2.0, (0, 0, 0))
+        spread.reach_largest_radius(np.repeat(points, 8, axis=0), np.repeat(responses, 8), 0.9, 1)
         suppression.suppression_radii(points, suppression.significantly_stronger(responses, 0.9), 1)
     return time.perf_counter() - start
 
