@@ -101,6 +101,7 @@ def main(names):
              'launch_files': lambda folder: launch_files(counts, folder),
              'units': lambda folder: units(counts, folder, *(['-m', 'not slow'] if quick else []))}
     steps.update({name: lambda folder, name=name: rostest(counts, folder, name) for name in ROSTESTS})
+    steps['soak'] = lambda folder: check(counts, ['python3', 'test/soak.py', '--minutes', '0.3'])
     unknown = set(names) - set(steps)
     if unknown:
         sys.exit(f'unknown: {", ".join(sorted(unknown))}; there are {", ".join(steps)}')

@@ -18,6 +18,7 @@ EXPECTED = {
     'nan': {'threshold': 0.01},
     'list': {'octaves': 1},
     'too_much': {'octaves': 6},
+    'beyond_64_bits': {'number_of_points': 500, 'window_size': 9},
     'unknown_detector': {'detector': 'harris', 'ANMS': True},
     'other_detector': {'detector': 'orb'},
     'unknown_transport': {'detector': 'harris'},
@@ -36,6 +37,13 @@ class TestPresets(unittest.TestCase):
             for name, value in expected.items():
                 self.assertEqual((node, config[name], type(config[name])), (node, value, type(value)))
                 self.assertEqual((node, rospy.get_param(f'/{node}/{name}')), (node, value))
+
+    def test_a_transport_that_there_is_not_stays_an_error(self):
+        """It has to be seen that raw images come instead, at ten times the bandwidth."""
+        for node, value in (('unknown_transport', "got 'telepathy'"), ('no_list_of_modules', 'got ')):
+            values = Diagnostics(node).wait_for_values(
+                lambda values, text=value: '~image_transport' in values['message'] and text in values['message'], node)
+            self.assertEqual(values['level'], 2)
 
     def test_all_of_them_process_images(self):
         """They share the topics: as many answers must come as there are nodes."""

@@ -164,13 +164,15 @@ def test_causes_are_told_apart_without_what_differs_from_case_to_case():
     for size in range(1000):
         counters.frame_rejected(f'data has {size} bytes')
         counters.frame_rejected(f"unknown encoding '{'x' * size}'")
+        counters.frame_rejected(f'neither JPEG nor PNG: {size} bytes that begin with {size * 12345 + 10 ** 9:x}')
     counters.frame_rejected('without pixels')
-    assert counters.causes == {'data has # bytes': 1000, "unknown encoding '...'": 1000, 'without pixels': 1}
+    assert counters.causes == {'data has # bytes': 1000, "unknown encoding '...'": 1000, 'without pixels': 1,
+                               'neither JPEG nor PNG: # bytes that begin with #': 1000}
     assert counters.causes_in_words().endswith('1 times without pixels')
     for kind in 'abcdefghijklmnopqrstuvwxyz':
         counters.frame_rejected(f'{kind} is wrong ' * 1000)
     assert len(counters.causes) == 13
-    assert counters.causes['other causes'] == 26 - 9
+    assert counters.causes['other causes'] == 26 - 8
     assert len(counters.causes_in_words()) < 2000
     assert len(counters.last_problem) <= 200
 

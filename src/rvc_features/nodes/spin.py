@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import logging
+import sys
 import threading
 import traceback
+import xmlrpc.client
 from typing import Any, Callable
 
 import rospy
+import yaml
 
-from rvc_features.brief import cut
+from rvc_features.brief import cut, shown
 from rvc_features.nodes.library_log import library_log
+from rvc_features.reconfigure import warn_of_refused
 
 
 def spin(name: str, node: Callable[[], Any], anonymous: bool = False) -> int:
@@ -35,8 +39,9 @@ def spin(name: str, node: Callable[[], Any], anonymous: bool = False) -> int:
         Exit status; what an exception said is in the log.
     """
     logging.raiseExceptions = False   # a log file on a full disk is not worth a traceback for each line
+    arguments, problems = _settable(sys.argv)
     try:
-        rospy.init_node(name, anonymous=anonymous)
+        rospy.init_node(name, arguments, anonymous=anonymous)
     except Exception as error:
         if rospy.is_shutdown():   # a start that is cut short: told to end, it ends
             return 0
@@ -45,6 +50,8 @@ def spin(name: str, node: Callable[[], Any], anonymous: bool = False) -> int:
     logger = logging.getLogger('rvc_features')
     logger.addHandler(library_log())
     logger.propagate = False
+    if problems:
+        warn_of_refused(problems)
     status = [0]
 
     def start() -> None:
@@ -61,3 +68,20 @@ def spin(name: str, node: Callable[[], Any], anonymous: bool = False) -> int:
     threading.Thread(target=start, name='node', daemon=True).start()
     rospy.spin()
     return status[0]
+
+
+def _settable(arguments: list[str]) -> tuple[list[str], list[str]]:
+    """Arguments without any `_name:=value` that no parameter server can take, and why each is left out.
+
+    rospy stumbles over those: an integer of more than 32 bits, a date, nothing, what is not YAML.
+    """
+    kept, problems = arguments[:1], []
+    for argument in arguments[1:]:
+        name, found, value = argument.partition(':=')
+        try:
+            if found and name.startswith('_') and not name.startswith('__'):
+                xmlrpc.client.dumps((yaml.safe_load(value),))
+            kept.append(argument)
+        except Exception as error:   # whatever YAML makes of it
+            problems.append(f'{name[1:]} can not be {shown(value)} ({type(error).__name__}: {cut(str(error), 60)})')
+    return kept, problems

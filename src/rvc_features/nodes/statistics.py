@@ -154,7 +154,7 @@ class NodeStatistics:
 def _kind(problem: str) -> str:
     """A reason without what differs from case to case: quoted values and numbers."""
     kind = re.sub(r"b?'[^']*'?|\"[^\"]*\"?", "'...'", problem)
-    return cut(re.sub(r'\d[\d.,e+-]*', '#', kind), 100)
+    return cut(re.sub(r'\b[0-9a-f]{6,}\b|\d[\d.,e+-]*', '#', kind), 100)
 
 
 def _spread(positions: np.ndarray, length: int) -> float:

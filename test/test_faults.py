@@ -1,0 +1,208 @@
+#!/usr/bin/env python3
+"""What goes wrong on a robot, one thing at a time, and what the node says and does then."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+from pathlib import Path
+
+import rosgraph
+import rospy
+import rostest
+from dynamic_reconfigure.client import Client
+from faulty_detectors import RUBBISH
+from ros_helpers import SECONDS, Camera, Diagnostics, Inbox, exchange_until, square
+from rvc_features.msg import KeyPoints
+from sensor_msgs.msg import CompressedImage, Image
+from std_msgs.msg import String
+
+OK, WARN, ERROR = 0, 1, 2
+
+
+class TestDetectors(unittest.TestCase):
+    """Somebody's own, under a node that goes on."""
+
+    @classmethod
+    def setUpClass(cls):
+        cls.inbox, cls.camera = Inbox('key_points', KeyPoints), Camera('camera')
+        cls.diagnostics = Diagnostics('faulty')
+        cls.client = Client('/faulty', timeout=SECONDS)
+
+    def tearDown(self):
+        self.client.update_configuration({'detector': 'harris'})
+
+    def rejected(self):
+        self.diagnostics.messages.clear()
+        return int(self.diagnostics.wait_for_values(lambda values: True, 'a report')['frames rejected'])
+
+    def use(self, kind):
+        self.client.update_configuration({'detector': 'faulty', 'faulty_kind': kind})
+        return self.camera.send(square())
+
+    def right_again(self):
+        self.client.update_configuration({'detector': 'harris'})
+        stamp = self.camera.send(square())
+        message = self.inbox.wait_for(lambda message: message.header.stamp == stamp, 'key points of harris')
+        self.assertEqual(len(message.x), 4)
+
+    def test_rubbish_is_refused_and_key_points_come_again(self):
+        """An array of another type made rospy's publish fail half way, and nothing ever came again."""
+        for kind in RUBBISH:
+            if kind in ('hang', 'huge'):
+                continue
+            before = self.rejected()
+            self.use(kind)
+            values = self.diagnostics.wait_for_values(
+                lambda values, before=before: int(values['frames rejected']) > before, kind)
+            self.assertGreaterEqual(values['level'], WARN, kind)
+            self.assertIn({'exit': 'SystemExit: enough', 'raise': 'ZeroDivisionError'}.get(kind, "detector 'faulty'"),
+                          values['last rejected because'])
+            self.right_again()
+        for cause in ('must return an array', 'SystemExit: enough', 'ZeroDivisionError'):
+            self.assertIn(cause, values['rejected because'])
+
+    def test_a_size_beyond_the_image_is_drawn_without_harm(self):
+        pictures = Inbox('image', Image)
+        self.addCleanup(pictures.close)
+        stamp = self.use('huge')
+        message = self.inbox.wait_for(lambda message: message.header.stamp == stamp, 'key points of a huge size')
+        self.assertEqual(list(message.size), [1e6])
+        exchange_until(self.camera, square(), [pictures])
+        self.right_again()
+
+    def test_one_that_hangs_is_seen_while_it_does(self):
+        self.diagnostics.messages.clear()
+        self.use('hang')
+        values = self.diagnostics.wait_for_values(lambda values: 'has been at work' in values['message'], 'hanging')
+        self.assertGreaterEqual(values['level'], WARN)
+        self.assertIn('faulty has been at work on one image for', values['message'])
+        self.right_again()
+
+
+class TestWhatTheNodeSays(unittest.TestCase):
+    def status_of(self, node, text):
+        diagnostics = Diagnostics(node)
+        self.addCleanup(diagnostics.close)
+        return diagnostics.wait_for_values(lambda values: text in values['message'], f'{node}: {text}')
+
+    def test_a_module_that_hangs_while_it_is_imported(self):
+        """Seen while it does, and afterwards, when the node goes on without it."""
+        values = self.status_of('slow/slow_start', "'hanging_module'")
+        self.assertEqual(values['level'], WARN)
+        self.assertRegex(values['message'], "starting: importing 'hanging_module'|'hanging_module' hangs while it is")
+
+    def test_a_topic_of_another_type(self):
+        publisher = rospy.Publisher('strange/text', String, queue_size=1)
+        listener = Inbox('strange/key_points', KeyPoints)
+        self.addCleanup(listener.close)
+        values = self.status_of('strange/wrong_type', 'is of type')
+        self.assertIn('/strange/text is of type std_msgs/String; sensor_msgs/Image is wanted', values['message'])
+        self.assertEqual(values['level'], ERROR)
+        publisher.unregister()
+
+    def test_a_camera_that_is_only_compressed(self):
+        publisher = rospy.Publisher('packed/compressed', CompressedImage, queue_size=1)
+        values = self.status_of('compressed/wrong_transport', 'nobody publishes /packed (raw)')
+        self.assertIn('set ~image_transport to compressed, which is there', values['message'])
+        self.assertEqual(values['level'], WARN)
+        publisher.unregister()
+
+    def test_an_output_on_the_cameras_own_topic(self):
+        camera = Camera('looped')
+        self.addCleanup(camera.publisher.unregister)
+        values = self.status_of('loop/wrong_output', 'is published by')
+        self.assertIn(f'/looped is published by {rospy.get_name()}, too', values['message'])
+        self.assertEqual(values['level'], WARN)
+
+
+class TestProcesses(unittest.TestCase):
+    """Nodes under masters of their own, which can be taken away."""
+
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        with socket.socket() as free:
+            free.bind(('localhost', 0))
+            self.port = free.getsockname()[1]
+        self.uri = f'http://localhost:{self.port}/'
+        self.environment = {**os.environ, 'ROS_MASTER_URI': self.uri, 'ROS_LOG_DIR': folder.name,
+                            'ROS_HOSTNAME': 'localhost'}
+
+    def start(self, *command, name='output'):
+        with open(self.folder / name, 'w') as output:
+            process = subprocess.Popen(command, env=self.environment, start_new_session=True, stdout=output,
+                                       stderr=output)
+        self.addCleanup(process.wait, SECONDS)
+        self.addCleanup(end_session, process.pid)
+        return process
+
+    def start_master(self):
+        process = self.start('rosmaster', '--core', '-p', str(self.port))
+        self.wait_for(lambda: self.master().is_online(), 'the master')
+        return process
+
+    def master(self):
+        return rosgraph.Master('/test_faults', master_uri=self.uri)
+
+    def wait_for(self, wanted, what):
+        deadline = time.monotonic() + 2 * SECONDS
+        while True:
+            try:
+                if wanted():
+                    return
+            except (OSError, rosgraph.MasterException):
+                pass   # it is not there yet
+            self.assertLess(time.monotonic(), deadline, f'{what}: not within {2 * SECONDS} s')
+            time.sleep(0.1)
+
+    def is_known(self):
+        publishers, _, services = (dict(kind) for kind in self.master().getSystemState())
+        return (publishers.get('/key_points') == publishers.get('/image/compressed') == ['/feature_detector']
+                and '/feature_detector/set_parameters' in services
+                and self.master().getParam('/feature_detector/threshold') == 0.125)
+
+    def test_a_master_that_is_restarted_knows_the_node_again(self):
+        master = self.start_master()
+        node = self.start('rosrun', 'rvc_features', 'feature_detector', '_threshold:=0.125', name='node')
+        self.wait_for(self.is_known, 'the node')
+        os.killpg(master.pid, signal.SIGKILL)
+        master.wait(SECONDS)
+        self.start_master()
+        self.wait_for(self.is_known, 'the node, again')
+        os.killpg(node.pid, signal.SIGINT)
+        self.assertEqual(node.wait(SECONDS), 0)
+        text = (self.folder / 'node').read_text()
+        self.assertIn('has been restarted: registered again', text)
+        self.assertNotIn('Traceback', text)
+
+    def test_told_to_end_at_any_moment_of_its_start_it_ends_without_a_traceback(self):
+        self.start_master()
+        for batch in range(3):
+            nodes = []
+            for number in range(4):
+                name = f'node_{batch}_{number}'
+                nodes.append((name, self.start('rosrun', 'rvc_features', 'feature_detector', f'__name:={name}',
+                                               name=name)))
+            for number, (_, process) in enumerate(nodes):
+                time.sleep(0.15 + 0.17 * batch)   # not for anything to happen, but for a moment like any other
+                os.killpg(process.pid, signal.SIGINT if number % 2 else signal.SIGTERM)
+            for name, process in nodes:
+                process.wait(SECONDS)
+                text = (self.folder / name).read_text()
+                self.assertNotIn('Traceback', text)
+                self.assertNotIn('Error', text)
+
+
+def end_session(leader):
+    subprocess.run(['pkill', '-KILL', '-s', str(leader)], check=False)
+
+
+if __name__ == '__main__':
+    rospy.init_node('test_faults')
+    rostest.rosrun('rvc_features', 'faults', 'test_faults', sys.argv)
