@@ -8,7 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels import compiler, sorting, spread, suppression
-from rvc_features.parameters import Integer, Real, check
+from rvc_features.parameters import Flag, Integer, Real, check
+
+ANMS = Flag('Adaptive non-maximal suppression: spread the points over the image, which costs some repeatability. '
+            'Wins over fixed_number_of_points.')
+ANMS_POINTS = Integer('How many points adaptive non-maximal suppression takes at the most.', 0)
+ANMS_ROBUSTNESS = Real('c_r: a point is suppressed only by one that is stronger by 1 / c_r.', 0, 1, above_low=True)
+ANMS_POOL = Real('Adaptive non-maximal suppression chooses from the strongest, this many times the points it takes: '
+                 '1.3 keeps nearly all repeatability, 4 covers nearly all of the image, 0 chooses from all.', 0, 1000)
 
 
 def above_threshold(responses: np.ndarray, threshold: float, maximum: float) -> np.ndarray:
@@ -74,6 +81,24 @@ def adaptive_non_maximal_suppression(points: np.ndarray, responses: np.ndarray, 
     radii = suppression_radii(points.take(order, axis=0), responses.take(order), robustness, count)
     # Of equal radii the first in the order of response and index.
     return order[_largest_first(radii, count)]
+
+
+def most_spread(points: np.ndarray, count: int, robustness: float, pool: float) -> np.ndarray:
+    """The `count` of the key points that adaptive non-maximal suppression takes out of the strongest `pool` * `count`.
+
+    Parameters
+    ----------
+    points : ndarray of key_points.DTYPE
+    count : int
+    robustness : float
+        c_r.
+    pool : float
+        0: all of them may be taken.
+    """
+    if pool > 0:
+        points = points.take(strongest(points['response'], max(count, round(pool * count))))
+    positions = np.column_stack((points['x'], points['y']))
+    return points.take(adaptive_non_maximal_suppression(positions, points['response'], count, robustness))
 
 
 def suppression_radii(points: np.ndarray, responses: np.ndarray, robustness: float,

@@ -1,19 +1,19 @@
-"""HarrisDetector: octaves, response, local maxima, filter, position, orientation (exercises 1 and 2, end to end)."""
+"""HarrisDetector: octaves, strength, local maxima, filter, position, orientation (exercises 1 and 2, end to end)."""
 
 from __future__ import annotations
 
 import logging
 from dataclasses import dataclass
-from typing import Callable, ClassVar, Iterator, NamedTuple
+from typing import Callable, ClassVar
 
-import cv2
 import numpy as np
 
-from rvc_features import filters, key_points, maxima, response
+from rvc_features import contrast, filters, key_points, maxima, response, two_scales
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
+from rvc_features.octaves import Octave, compete, joined, merged, pyramid
 from rvc_features.orientation import direction, smoothed_gradient
-from rvc_features.parameters import Flag, Integer, Real, parameter
+from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
 from rvc_features.search import ResponseMaps, Search
 
 
@@ -21,12 +21,16 @@ from rvc_features.search import ResponseMaps, Search
 class HarrisDetector(FeatureDetector):
     """Corners after Harris and Stephens, in several octaves, with a direction.
 
-    A key point is a local maximum of the Harris response H above `minimum_response` that passes one of three filters,
-    each applied to the candidates of all octaves together: `anms` if set, else the strongest `number_of_points` with
-    `fixed_number_of_points`, else those above `threshold` times the largest H.
+    The defaults are those of the preset `repeatable`: strong is a corner that two scales agree on (two_scales.py), and
+    it is ranked by its strength beside the contrast round it. With `strength='harris'`, `evenness=0`, as in the preset
+    `course`, it is the exercise sheet's detector: strength and rank are the Harris response H.
+
+    A key point is a local maximum of the strength that passes one of three filters, each applied to the corners of all
+    octaves together: `anms` if set, else the strongest `number_of_points` with `fixed_number_of_points`, else those
+    above `threshold` times the largest one.
 
     `KeyPoint.pt` and `.size` are in pixels of the full image whatever the octave; `.size` is the side of the window,
-    `.response` is H, `.octave` counts from 0.
+    `.response` is what points are ranked by, `.octave` counts from 0.
 
     Parameters
     ----------
@@ -41,7 +45,7 @@ class HarrisDetector(FeatureDetector):
     --------
     >>> image = np.zeros((60, 80), np.uint8)
     >>> image[20:40, 30:60] = 200
-    >>> detector = HarrisDetector(window_size=3, threshold=0.1, subpixel=False)
+    >>> detector = HarrisDetector(strength='harris', evenness=0.0, window_size=3, threshold=0.1, subpixel=False)
     >>> sorted(point.pt for point in detector.detect(image))
     [(30.0, 20.0), (30.0, 39.0), (59.0, 20.0), (59.0, 39.0)]
     """
@@ -50,58 +54,59 @@ class HarrisDetector(FeatureDetector):
 
     window_size: int = parameter(5, response.WINDOW_SIZE)
     window: str = parameter('gaussian', response.WINDOW)
-    threshold: float = parameter(0.01, Real(
-        'Least response as a share of the largest one in the image.', 0, 1))
-    harris_k: float = parameter(0.04, response.HARRIS_K)
-    minimum_response: float = parameter(10.0, Real(
-        'Least response whatever the image: keeps noise in flat images out.', 0))
+    threshold: float = parameter(0.05, Real(
+        'Least rank of a point as a share of the largest one in the image.', 0, 1))
     fixed_number_of_points: bool = parameter(False, Flag(
         'Take the strongest number_of_points instead of all above the threshold.'))
     number_of_points: int = parameter(500, Integer(
         'How many points fixed_number_of_points takes at the most.', 0))
     octaves: int = parameter(1, Integer(
         'Levels of the image pyramid; each has half the size of the one before.', 1, 10))
-    anms: bool = parameter(False, Flag(
-        'Adaptive non-maximal suppression: spread the points over the image. Wins over fixed_number_of_points.'))
-    anms_points: int = parameter(500, Integer(
-        'How many points adaptive non-maximal suppression takes at the most.', 0))
-    anms_robustness: float = parameter(0.9, Real(
-        'c_r: a point is suppressed only by one that is stronger by 1 / c_r.', 0, 1, above_low=True))
+    anms: bool = parameter(False, filters.ANMS)
+    anms_points: int = parameter(500, filters.ANMS_POINTS)
+    anms_robustness: float = parameter(0.9, filters.ANMS_ROBUSTNESS)
+    anms_pool: float = parameter(4.0, filters.ANMS_POOL)
+    strength: str = parameter('two_scales', Choice(
+        'What a corner is strong by: two_scales, agreement of two scales, or harris, the response H of the sheet.',
+        ('two_scales', 'harris')))
+    evenness: float = parameter(0.35, Real(
+        'Rank by strength over local contrast to the power of twice this: 0 takes the strongest, 1 spreads most.',
+        0, 1))
+    minimum_contrast: float = parameter(0.0, Real(
+        'Least step at a corner in grey values, with two_scales; the noise of the image is kept out in any case.',
+        0, 255))
+    minimum_response: float = parameter(10.0, Real(
+        'Least response H whatever the image, with harris: keeps noise in flat images out.', 0))
+    harris_k: float = parameter(0.04, response.HARRIS_K)
+    derivative_sigma: float = parameter(0.0, response.DERIVATIVE_SIGMA)
+    merge_octaves: bool = parameter(True, Flag(
+        'One point for each corner, however many octaves show it; with two_scales.'))
     local_maxima: bool = parameter(True, Flag(
-        'Take only local maxima of the response; without, every pixel that passes is a point.'))
+        'Take only local maxima of the strength; without, every pixel that passes is a point.'))
     subpixel: bool = parameter(True, Flag(
         'Refine the position of local maxima between the pixels.'))
-    derivative_sigma: float = parameter(0.0, response.DERIVATIVE_SIGMA)
-    border: int = parameter(0, Integer(
+    border: int = parameter(4, Integer(
         'Width in pixels of a rim of each octave in which no point is taken.', 0))
-    orientation_sigma: float = parameter(2.5, Real(
-        'Size of the larger kernel for the orientation: standard deviation in pixels of the octave.', 0.1, 50))
+    orientation_sigma: float = parameter(1.75, Real(
+        'Size of the larger kernel for the orientation: standard deviation in pixels of the octave; with two_scales, '
+        'also one of twice that size.', 0.1, 50))
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
-        """Corners of every octave, one filter over all of them together, then position and direction of those left."""
+        """Corners of every octave, one filter over all of them together, then the direction of those left."""
         _, search = self._chosen_filter()
-        octaves = list(self.pyramid(image, mask))
-        corners = [self.harris_corners(of_octave.image, octave, of_octave.mask, search)
-                   for octave, of_octave in enumerate(octaves)]
-        points = self.filter(_at_most(MOST_CORNERS, _joined(corners)))
-        self.refine(points, octaves)
+        octaves = list(pyramid(image, mask, self.octaves))
+        corners = []
+        for octave, (of_octave, its_mask) in enumerate(octaves):
+            found = self.harris_corners(of_octave, octave, its_mask, search)
+            self.refine(found, octave, of_octave.shape, mask)
+            corners.append(found)
+        points = self.filter(self.join(corners))
         self.orient(points, octaves)
         return points
 
-    def pyramid(self, image: np.ndarray, mask: np.ndarray | None = None) -> Iterator[Octave]:
-        """The image, and smaller ones by `cv2.pyrDown`, as many as there are octaves and as the size allows."""
-        yield Octave(image, mask)
-        for _ in range(1, self.octaves):
-            if min(image.shape) < 2 * SMALLEST_OCTAVE:
-                return
-            # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
-            image = cv2.pyrDown(image)
-            mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
-            yield Octave(image, mask)
-
     def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None,
                        search: Search | None = None) -> np.ndarray:
-        """Corners of one octave: local maxima of the response above `minimum_response`, on whole pixels, no angle.
+        """Corners of one octave: local maxima of the strength, ranked, on whole pixels, without angle.
 
         Parameters
         ----------
@@ -117,20 +122,52 @@ class HarrisDetector(FeatureDetector):
         ndarray of key_points.DTYPE, shape (N,)
             Positions and sizes in pixels of the full image, in reading order.
         """
-        search = search or Search(self.minimum_response)
-        h, largest = self._response(image, octave)
-        for least in search.bounds(largest, is_a_corner=mask is None and self.border == 0):
-            x, y = self._corners_above(least, h, mask)
+        search = search or Search()
+        strength, largest = self._strength(image, octave)
+        minimum = self._minimum(largest, search, image, octave)
+        for least in search.bounds(minimum, largest, is_a_corner=mask is None and self.border == 0):
+            x, y = self._corners_above(least, strength, mask)
             if search.are_enough(len(x)):
                 break
         corners = key_points.empty(len(x))
         corners['x'], corners['y'] = x << octave, y << octave
-        corners['size'] = self.window_size << octave
-        corners['response'] = h.ravel().take(y * h.shape[1] + x)
+        corners['size'] = self._size() << octave
+        corners['response'] = self.rank(image, x, y, strength.ravel().take(y * strength.shape[1] + x))
         corners['octave'] = octave
         if octave + 1 < self.octaves:
             search.next_must_beat(corners['response'])
         return corners
+
+    def rank(self, image: np.ndarray, x: np.ndarray, y: np.ndarray, strength: np.ndarray) -> np.ndarray:
+        """What corners of an octave rank by: strength beside the contrast round them, fair between octaves."""
+        if self.evenness > 0 and len(x) > 0:
+            strength = strength / np.maximum(contrast.local_energy(image, x, y), _LEAST_ENERGY) ** self.evenness
+        return compete(strength, image.size) if self._octaves_compete() else strength
+
+    def refine(self, corners: np.ndarray, octave: int, shape: tuple[int, ...], mask: np.ndarray | None) -> None:
+        """Move an octave's corners to where its strength is largest between the pixels, but not under the full mask."""
+        if not (self.local_maxima and self.subpixel):
+            return
+        x, y = (corners[name].astype(np.int64) for name in 'xy')
+        to_x, to_y = (moved * (1 << octave) for moved in
+                      maxima.refine(_maps.of_octave(octave, shape), x >> octave, y >> octave))
+        if mask is not None:
+            allowed = mask[np.rint(to_y).astype(np.intp), np.rint(to_x).astype(np.intp)] != 0
+            to_x, to_y = np.where(allowed, to_x, x), np.where(allowed, to_y, y)
+        corners['x'], corners['y'] = to_x, to_y
+
+    def join(self, corners: list[np.ndarray]) -> np.ndarray:
+        """The corners of all octaves, or the strongest MOST_CORNERS of them; each but once if they are to be merged."""
+        if self._octaves_compete() and self.merge_octaves:
+            together = merged(corners, self.anms_points if self.anms else self.number_of_points)
+        else:
+            together = joined(corners)
+        if len(together) <= MOST_CORNERS:
+            return together
+        reporter().say(_logger.warning, 'too many corners',
+                       f'only the strongest {MOST_CORNERS:,} of {len(together):,} corners are looked at; raise '
+                       'minimum_response or minimum_contrast, or set local_maxima')
+        return together.take(np.sort(filters.strongest(together['response'], MOST_CORNERS)))
 
     def filter(self, corners: np.ndarray) -> np.ndarray:
         """Those of the corners of all octaves that become key points, strongest or most widely spread first."""
@@ -149,100 +186,75 @@ class HarrisDetector(FeatureDetector):
         return corners.take(filters.strongest(corners['response'], self.number_of_points))
 
     def adaptive_non_maximal_suppression(self, corners: np.ndarray) -> np.ndarray:
-        """The `anms_points` corners with the largest suppression radius."""
-        positions = np.column_stack((corners['x'], corners['y']))
-        return corners.take(filters.adaptive_non_maximal_suppression(
-            positions, corners['response'], self.anms_points, self.anms_robustness))
-
-    def refine(self, points: np.ndarray, octaves: list[Octave]) -> None:
-        """Move points to where the response of their octave is largest between the pixels, but not under the mask."""
-        if not (self.local_maxima and self.subpixel):
-            return
-        mask = octaves[0].mask
-        for octave, here in _by_octave(points, len(octaves)):
-            h = _maps.of_octave(octave, octaves[octave].image.shape)
-            x, y = (points[name][here].astype(np.int64) for name in 'xy')
-            to_x, to_y = (moved * (1 << octave) for moved in maxima.refine(h, x >> octave, y >> octave))
-            if mask is not None:
-                allowed = mask[np.rint(to_y).astype(np.intp), np.rint(to_x).astype(np.intp)] != 0
-                to_x, to_y = np.where(allowed, to_x, x), np.where(allowed, to_y, y)
-            points['x'][here], points['y'][here] = to_x, to_y
+        """The `anms_points` corners of largest suppression radius, out of the strongest `anms_pool` times that."""
+        return filters.most_spread(corners, self.anms_points, self.anms_robustness, self.anms_pool)
 
     def orient(self, points: np.ndarray, octaves: list[Octave]) -> None:
         """Give each point the direction of the gradient in its octave, taken with the larger kernel."""
-        for octave, here in _by_octave(points, len(octaves)):
+        for octave, (image, _) in enumerate(octaves):
+            here = slice(None) if len(octaves) == 1 else np.flatnonzero(points['octave'] == octave)
             x, y = (points[name][here].astype(np.float64) / (1 << octave) for name in 'xy')
-            points['angle'][here] = direction(*smoothed_gradient(octaves[octave].image, x, y, self.orientation_sigma))
+            gradient = smoothed_gradient(image, x, y, self.orientation_sigma)
+            if self.strength == 'two_scales':
+                # sigma times the gradient, of both; what comes back has the factor 2 pi sigma^4.
+                wider = smoothed_gradient(image, x, y, 2 * self.orientation_sigma)
+                gradient = gradient[0] + wider[0] / 8, gradient[1] + wider[1] / 8
+            points['angle'][here] = direction(*gradient)
 
     def response_map(self, image: np.ndarray) -> np.ndarray:
-        """H of the full image."""
-        return response.harris_response(as_grey(image), self.window_size, self.window, self.harris_k,
-                                        self.derivative_sigma)
+        """Strength of every pixel of the full image."""
+        grey = as_grey(image)
+        if self.strength == 'two_scales':
+            return two_scales.two_scale_strength(grey, self.window_size, self.window)
+        return response.harris_response(grey, self.window_size, self.window, self.harris_k, self.derivative_sigma)
 
-    def _response(self, image: np.ndarray, octave: int) -> tuple[np.ndarray, float]:
-        """H of an octave's image, in a map that is valid until the thread's next image, and its largest value."""
+    def _strength(self, image: np.ndarray, octave: int) -> tuple[np.ndarray, float]:
+        """Strength of an octave's pixels, in a map that is valid until the thread's next image; its largest value."""
+        out = _maps.of_octave(octave, image.shape)
+        if self.strength == 'two_scales':
+            return two_scales.strength_and_maximum(image, self.window_size, self.window, out)
         return response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
-                                             self.derivative_sigma, _maps.of_octave(octave, image.shape))
+                                             self.derivative_sigma, out)
 
-    def _corners_above(self, least: float, h: np.ndarray, mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
+    def _minimum(self, largest: float, search: Search, image: np.ndarray, octave: int) -> float:
+        """What the strength of a corner must exceed in any case."""
+        if self.strength == 'harris':
+            return self.minimum_response
+        return two_scales.least_strength(self.minimum_contrast, search.noise(image, octave), largest)
+
+    def _size(self) -> int:
+        """Side in pixels of what is looked at for one point."""
+        return self.window_size if self.strength == 'harris' else 2 * self.window_size - 1
+
+    def _corners_above(self, least: float, strength: np.ndarray,
+                       mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """x and y in pixels of the octave, inside border and mask, in reading order."""
-        x, y = (maxima.local_maxima if self.local_maxima else maxima.pixels_above)(h, least)
+        x, y = (maxima.local_maxima if self.local_maxima else maxima.pixels_above)(strength, least)
         if self.border > 0:
-            inside = ((x >= self.border) & (x < h.shape[1] - self.border)
-                      & (y >= self.border) & (y < h.shape[0] - self.border))
+            inside = ((x >= self.border) & (x < strength.shape[1] - self.border)
+                      & (y >= self.border) & (y < strength.shape[0] - self.border))
             x, y = x[inside], y[inside]
         if mask is not None:
             allowed = mask[y, x] != 0
             x, y = x[allowed], y[allowed]
         return x, y
 
+    def _octaves_compete(self) -> bool:
+        """Whether responses of several octaves are made comparable; the sheet takes H as it is."""
+        return self.octaves > 1 and self.strength == 'two_scales'
+
     def _chosen_filter(self) -> tuple[Callable[[np.ndarray], np.ndarray], Search]:
         """The filter that the parameters choose, and a search that leaves out what it can't let pass."""
+        is_rank = self.evenness == 0 and not self._octaves_compete()   # strength: then it tells who passes
         if self.anms:
-            return self.adaptive_non_maximal_suppression, Search(self.minimum_response)
+            return self.adaptive_non_maximal_suppression, Search()
         if self.fixed_number_of_points:
-            return self.strongest, Search(self.minimum_response, number=self.number_of_points)
-        return self.above_threshold, Search(self.minimum_response, threshold=self.threshold)
+            return self.strongest, Search(number=self.number_of_points) if is_rank else Search()
+        return self.above_threshold, Search(threshold=self.threshold) if is_rank else Search()
 
 
 MOST_CORNERS = 250_000   # more than any use needs, and what takes half a second: the filter gets the strongest of more
-SMALLEST_OCTAVE = 8   # pixels: no octave gets smaller than this to either side
-
-
-class Octave(NamedTuple):
-    """A level of the pyramid."""
-
-    image: np.ndarray
-    mask: np.ndarray | None
-
+_LEAST_ENERGY = 1e-12    # squared grey values per pixel: not to divide by zero
 
 _maps = ResponseMaps()
 _logger = logging.getLogger('rvc_features')
-
-
-def _joined(corners: list[np.ndarray]) -> np.ndarray:
-    """The corners of all octaves; as bytes, for NumPy joins records field by field."""
-    if len(corners) == 1:
-        return corners[0]
-    return np.concatenate([of_octave.view(np.uint8) for of_octave in corners]).view(key_points.DTYPE)
-
-
-def _at_most(count: int, corners: np.ndarray) -> np.ndarray:
-    """The strongest `count` corners in the order in which they come; says so if there are more."""
-    if len(corners) <= count:
-        return corners
-    reporter().say(_logger.warning, 'too many corners',
-                   f'only the strongest {count:,} of {len(corners):,} corners are looked at; raise minimum_response '
-                   'or set local_maxima')
-    return corners.take(np.sort(filters.strongest(corners['response'], count)))
-
-
-def _by_octave(points: np.ndarray, octaves: int) -> Iterator[tuple[int, np.ndarray | slice]]:
-    """Each octave that has points, and where they are."""
-    if octaves == 1:
-        yield 0, slice(None)
-        return
-    for octave in range(octaves):
-        here = np.flatnonzero(points['octave'] == octave)
-        if len(here) > 0:
-            yield octave, here

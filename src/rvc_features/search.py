@@ -11,31 +11,41 @@ from typing import Iterator
 
 import numpy as np
 
+from rvc_features import contrast
+
 MOSTLY_ENOUGH = 0.002   # of the largest response: where the strongest points are sought first
+_ROUNDING = 0.3         # grey values: what rounding to whole ones adds to the noise of a shrunk image
 
 
 class Search:
-    """Bounds for the corners of one image, octave after octave; by default all above `minimum` are wanted.
+    """Bounds for the corners of one image, octave after octave; by default nothing is left out.
 
     Parameters
     ----------
-    minimum : float
-        Least response of a corner.
     threshold : float, optional
         Only those above this share of the largest response of all octaves will pass.
     number : int, optional
         Only so many of the strongest will pass.
     """
 
-    def __init__(self, minimum: float, threshold: float | None = None, number: int | None = None) -> None:
-        self._minimum, self._threshold, self._number = minimum, threshold, number
+    def __init__(self, threshold: float | None = None, number: int | None = None) -> None:
+        self._threshold, self._number = threshold, number
         self._to_beat = 0.0
+        self._noise: float | None = None
 
-    def bounds(self, largest: float, is_a_corner: bool) -> Iterator[float]:
+    def noise(self, image: np.ndarray, octave: int) -> float:
+        """Noise of an octave, in grey values: measured in the first one, for rounding hides it in those that follow."""
+        if self._noise is None:
+            self._noise = contrast.noise(image) * 2 ** octave
+        return float(np.hypot(self._noise / 2 ** octave, _ROUNDING if octave > 0 else 0.0))
+
+    def bounds(self, minimum: float, largest: float, is_a_corner: bool) -> Iterator[float]:
         """What a response must exceed: to be tried one after the other until there are enough corners.
 
         Parameters
         ----------
+        minimum : float
+            What corners must exceed in any case.
         largest : float
             Largest response of the octave.
         is_a_corner : bool
@@ -43,13 +53,13 @@ class Search:
         """
         if self._threshold is not None and is_a_corner:
             # A little below the threshold, for the map is in single precision; the filter decides.
-            yield max(self._minimum, (1 - 1e-6) * self._threshold * largest)
+            yield max(minimum, (1 - 1e-6) * self._threshold * largest)
         elif self._number is not None and self._to_beat == 0:
             # Mostly there are enough far above the least; then there is no need of the many weak ones.
-            yield max(self._minimum, MOSTLY_ENOUGH * largest)
-            yield self._minimum
+            yield max(minimum, MOSTLY_ENOUGH * largest)
+            yield minimum
         else:
-            yield max(self._minimum, self._to_beat)
+            yield max(minimum, self._to_beat)
 
     def are_enough(self, corners: int) -> bool:
         """Whether that many corners make it needless to look for weaker ones."""

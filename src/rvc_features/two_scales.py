@@ -156,3 +156,23 @@ def binomial(steps: int) -> np.ndarray:
     for _ in range(steps):
         weights = np.convolve(weights, [0.5, 0.5])
     return weights
+
+
+CONTRAST = 8.73      # grey values: the step at a right-angled corner whose strength is 1
+NOISE_FACTOR = 0.18  # times the noise: the root of the strength that noise alone hardly ever reaches
+LEAST_SHARE = 1e-3   # of the largest strength: what is weaker is no corner, as in drawings, which have no noise
+
+
+def least_strength(minimum_contrast: float, noise: float, largest: float) -> float:
+    """What the strength of a corner must exceed.
+
+    Parameters
+    ----------
+    minimum_contrast : float
+        The least step at a corner, in grey values.
+    noise : float
+        Standard deviation of the image's noise, in grey values; see `contrast.noise`.
+    largest : float
+        The largest strength in the image.
+    """
+    return max(max(minimum_contrast / CONTRAST, NOISE_FACTOR * noise) ** 2, LEAST_SHARE * largest)

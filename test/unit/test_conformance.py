@@ -15,8 +15,9 @@ from rvc_features.feature_detector import FeatureDetector
 SETTINGS = [(name, {}) for name in detectors.names()] + [
     ('harris', {'fixed_number_of_points': True, 'octaves': 4, 'number_of_points': 80}),
     ('harris', {'anms': True, 'octaves': 3, 'anms_points': 60}),
-    ('harris', {'window': 'box', 'window_size': 31, 'subpixel': False}),
-    ('harris', {'local_maxima': False, 'derivative_sigma': 1.5}),
+    ('harris', {'strength': 'harris', 'evenness': 0.0, 'octaves': 3, 'fixed_number_of_points': True}),
+    ('harris', {'strength': 'harris', 'window': 'box', 'window_size': 31, 'subpixel': False}),
+    ('harris', {'strength': 'harris', 'local_maxima': False, 'derivative_sigma': 1.5}),
     ('good_features_to_track', {'use_harris': True, 'minimum_distance': 9.0}),
 ]
 

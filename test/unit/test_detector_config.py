@@ -92,7 +92,7 @@ def test_defaults_give_the_default_detectors(config):
 def test_values_reach_the_detector(config):
     config.update(ANMS=True, ANMS_points=7, window_size=9, fast_threshold=33, number_of_points=12)
     detector = detector_config.create(config)
-    assert (detector.anms, detector.anms_points, detector.window_size, detector.threshold) == (True, 7, 9, 0.01)
+    assert (detector.anms, detector.anms_points, detector.window_size, detector.threshold) == (True, 7, 9, 0.05)
     fast = detector_config.create({**config, 'detector': 'fast'})
     assert (fast.threshold, fast.number_of_points) == (33, 12)
 
@@ -111,7 +111,7 @@ def test_settle_snaps_refuses_and_says_so(config):
     assert len(problems) == 4
     text = '\n'.join(problems)
     assert f"detector must be one of {', '.join(detectors.names())}; got 'sift', 'harris' stays" in text
-    assert 'threshold must be a finite number; got nan, 0.01 stays' in text
+    assert 'threshold must be a finite number; got nan, 0.05 stays' in text
     assert "window must be one of 'gaussian', 'box'; got 'round', 'gaussian' stays" in text
     assert 'orb_scale_factor must be a finite number above 1, at most 4; got -1, 1.2 stays' in text
 

@@ -25,7 +25,7 @@ def test_names():
 
 def test_create_passes_parameters_on():
     assert detectors.create('harris', window_size=7, threshold=0.02).window_size == 7
-    assert repr(detectors.create('fast', threshold=30)).startswith('FastDetector(number_of_points=500, threshold=30')
+    assert 'threshold=30' in repr(detectors.create('fast', threshold=30))
 
 
 @pytest.mark.parametrize(('name', 'values', 'error', 'text'), [

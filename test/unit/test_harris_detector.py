@@ -1,4 +1,7 @@
-"""HarrisDetector by geometry: where the corners are, they are found; what is done to the image happens to them."""
+"""The sheet's HarrisDetector by geometry: corners are found where they are; what is done to the image happens to them.
+
+test_repeatable.py has what differs by default.
+"""
 
 import dataclasses
 
@@ -11,6 +14,13 @@ from rvc_features import key_points, response
 from rvc_features.harris_detector import HarrisDetector
 
 SQUARE_CORNERS = [(20, 20), (20, 39), (39, 20), (39, 39)]
+
+
+def sheet_detector(**values):
+    """What the sheet has, with positions between the pixels."""
+    sheet = {'strength': 'harris', 'evenness': 0.0, 'threshold': 0.01, 'border': 0, 'anms_pool': 0.0,
+             'orientation_sigma': 2.5}
+    return HarrisDetector(**{**sheet, **values})
 
 
 def whole_pixels(points):
@@ -26,14 +36,14 @@ def nearest(points, targets):
 @pytest.mark.parametrize('window', ['gaussian', 'box'])
 @pytest.mark.parametrize('window_size', [3, 5])
 def test_a_square_has_four_corners(square, window_size, window):
-    points = HarrisDetector(window_size=window_size, window=window, threshold=0.1).detect_arrays(square)
+    points = sheet_detector(window_size=window_size, window=window, threshold=0.1).detect_arrays(square)
     assert len(points) == 4
     assert nearest(points, SQUARE_CORNERS).max() <= 1.5
 
 
 def test_a_triangle_has_three_corners():
     vertices = [(60, 50), (250, 90), (120, 200)]
-    points = HarrisDetector(window_size=5, threshold=0.1).detect_arrays(draw_polygon(vertices))
+    points = sheet_detector(window_size=5, threshold=0.1).detect_arrays(draw_polygon(vertices))
     assert len(points) == 3
     assert nearest(points, vertices).max() < 3
 
@@ -42,14 +52,14 @@ def test_a_triangle_has_three_corners():
 def test_flat_image_has_no_points(value):
     image = np.full((50, 60), value, np.uint8)
     for parameters in ({}, {'fixed_number_of_points': True}, {'anms': True}, {'octaves': 4}):
-        assert HarrisDetector(**parameters).detect(image) == []
+        assert sheet_detector(**parameters).detect(image) == []
 
 
 @pytest.mark.parametrize('shape', [(1, 1), (1, 50), (50, 1), (2, 3), (7, 7), (16, 15)])
 @pytest.mark.parametrize('parameters', [{}, {'octaves': 5, 'anms': True}, {'window_size': 31, 'octaves': 3}])
 def test_tiny_images(shape, parameters):
     image = np.random.default_rng(0).integers(0, 256, shape, np.uint8)
-    points = HarrisDetector(**parameters).detect_arrays(image)
+    points = sheet_detector(**parameters).detect_arrays(image)
     assert (points['x'] >= 0).all()
     assert (points['x'] <= shape[1] - 1).all()
     assert (points['y'] <= shape[0] - 1).all()
@@ -61,7 +71,7 @@ def test_tiny_images(shape, parameters):
 def test_points_move_with_the_image(parameters):
     image = texture((160, 200))
     dx, dy = 23, 14
-    detector = HarrisDetector(border=20, **{'threshold': 0.05, **parameters})
+    detector = sheet_detector(**{'border': 20, 'threshold': 0.05, **parameters})
     first = detector.detect_arrays(image[:-dy, :-dx])
     moved = detector.detect_arrays(image[dy:, dx:])
     if parameters.get('anms') or parameters.get('fixed_number_of_points'):
@@ -79,7 +89,7 @@ def test_points_move_with_the_image(parameters):
 
 def test_quarter_turn_turns_the_points():
     image = texture((120, 160))
-    detector = HarrisDetector(threshold=0.02)
+    detector = sheet_detector(threshold=0.02)
     points, turned = detector.detect_arrays(image), detector.detect_arrays(np.rot90(image).copy())
     expected = np.column_stack((points['y'], 159 - points['x']))
     assert len(points) == len(turned) > 30
@@ -91,7 +101,7 @@ def test_quarter_turn_turns_the_points():
 
 def test_enlarged_image_enlarges_positions():
     corners = np.array([(50, 40), (110, 40), (110, 80), (50, 80)])
-    detector = HarrisDetector(threshold=0.2, window_size=5)
+    detector = sheet_detector(threshold=0.2, window_size=5)
     small, large = (detector.detect_arrays(draw_polygon(corners * scale)) for scale in (1, 2))
     assert len(small) == len(large) == 4
     inset_small = np.abs(positions(small) - [80, 60]).mean(axis=0) - [30, 20]
@@ -106,7 +116,7 @@ def test_octaves_see_a_spot_in_the_same_place(octave, centre):
     y, x = np.indices((160, 176))
     distance = (x - centre[0]) ** 2 + (y - centre[1]) ** 2
     image = np.rint(40 + 180 * np.exp(-distance / (2 * (1.5 * 2 ** octave) ** 2))).astype(np.uint8)
-    points = HarrisDetector(octaves=4, window_size=7, fixed_number_of_points=True).detect_arrays(image)
+    points = sheet_detector(octaves=4, window_size=7, fixed_number_of_points=True).detect_arrays(image)
     here = points[points['octave'] == octave]
     assert nearest(here, [centre]) < 0.5
     assert np.unique(here['size']).tolist() == [7 * 2 ** octave]
@@ -114,13 +124,13 @@ def test_octaves_see_a_spot_in_the_same_place(octave, centre):
 
 def test_octaves_are_filtered_together():
     image = texture((240, 320), smoothing=4)
-    every = HarrisDetector(octaves=3, fixed_number_of_points=True, number_of_points=100000).detect_arrays(image)
+    every = sheet_detector(octaves=3, fixed_number_of_points=True, number_of_points=100000).detect_arrays(image)
     assert set(every['octave']) == {0, 1, 2}
-    few = HarrisDetector(octaves=3, fixed_number_of_points=True, number_of_points=25).detect_arrays(image)
+    few = sheet_detector(octaves=3, fixed_number_of_points=True, number_of_points=25).detect_arrays(image)
     assert np.array_equal(few, every[:25])
-    threshold = HarrisDetector(octaves=3, threshold=0.3).detect_arrays(image)
+    threshold = sheet_detector(octaves=3, threshold=0.3).detect_arrays(image)
     assert np.array_equal(threshold, every[every['response'] > np.float64(0.3) * every['response'].max()])
-    anms = HarrisDetector(octaves=3, anms=True, anms_points=60).detect_arrays(image)
+    anms = sheet_detector(octaves=3, anms=True, anms_points=60).detect_arrays(image)
     assert len(anms) == 60
     assert len(set(anms['octave'])) > 1
 
@@ -129,18 +139,18 @@ def test_threshold_is_relative_and_the_minimum_absolute():
     image = np.zeros((60, 120), np.uint8)
     image[20:40, 20:40] = 200
     image[20:40, 80:100] = 20
-    assert len(HarrisDetector(threshold=0.1).detect(image)) == 4
-    assert len(HarrisDetector(threshold=0.0).detect(image)) == 8
-    weak = HarrisDetector(threshold=0.0).detect_arrays(image)['response'].min()
-    assert len(HarrisDetector(threshold=0.0, minimum_response=float(weak) * 1.01).detect(image)) < 8
+    assert len(sheet_detector(threshold=0.1).detect(image)) == 4
+    assert len(sheet_detector(threshold=0.0).detect(image)) == 8
+    weak = sheet_detector(threshold=0.0).detect_arrays(image)['response'].min()
+    assert len(sheet_detector(threshold=0.0, minimum_response=float(weak) * 1.01).detect(image)) < 8
     faint = np.where(image == 200, 1, 0).astype(np.uint8)
-    assert HarrisDetector(threshold=0.0, minimum_response=1000.0).detect(faint) == []
-    assert len(HarrisDetector(threshold=0.0, minimum_response=0.0, window_size=3).detect(faint)) >= 4
+    assert sheet_detector(threshold=0.0, minimum_response=1000.0).detect(faint) == []
+    assert len(sheet_detector(threshold=0.0, minimum_response=0.0, window_size=3).detect(faint)) >= 4
 
 
 def test_points_are_local_maxima_strongest_first():
     image = texture()
-    detector = HarrisDetector(subpixel=False, threshold=0.02)
+    detector = sheet_detector(subpixel=False, threshold=0.02)
     h = response.harris_response(image, 5)
     above = np.argwhere((h == cv2.dilate(h, np.ones((3, 3)))) & (h > 0.02 * h.max()) & (h > 10))
     points = detector.detect_arrays(image)
@@ -150,14 +160,14 @@ def test_points_are_local_maxima_strongest_first():
 
 
 def test_a_plateau_gives_one_point():
-    points = HarrisDetector(subpixel=False, threshold=0.1, window_size=3).detect_arrays(
+    points = sheet_detector(subpixel=False, threshold=0.1, window_size=3).detect_arrays(
         np.kron(draw_square(32, 10, 19), np.ones((2, 2), np.uint8)))
     assert len(points) == 4
 
 
 def test_without_local_maxima_every_pixel_that_passes_is_a_point(square):
     h = response.harris_response(square, 5)
-    points = HarrisDetector(local_maxima=False, threshold=0.1).detect_arrays(square)
+    points = sheet_detector(local_maxima=False, threshold=0.1).detect_arrays(square)
     assert len(points) == ((h > 0.1 * h.max()) & (h > 10)).sum() > 20
 
 
@@ -166,7 +176,7 @@ def test_subpixel_finds_a_shift_of_part_of_a_pixel():
     for shift in np.arange(0, 1, 0.125):
         image = draw_polygon(np.array([(50, 40), (110, 40), (110, 80), (50, 80)]) + shift)
         for subpixel, found in errors.items():
-            points = HarrisDetector(threshold=0.2, subpixel=subpixel, derivative_sigma=0.7).detect_arrays(image)
+            points = sheet_detector(threshold=0.2, subpixel=subpixel, derivative_sigma=0.7).detect_arrays(image)
             assert len(points) == 4
             found.append(points['x'].mean() - shift)
     assert np.ptp(errors[True]) < 0.1
@@ -180,7 +190,7 @@ def test_orientation_follows_the_pattern(angle):
     tip = np.array([100.0, 90.0])
     far = tip + 300 * np.column_stack((np.cos(direction), np.sin(direction)))
     image = draw_polygon([tip, *far], (180, 200))
-    points = HarrisDetector(number_of_points=1, fixed_number_of_points=True, border=20).detect_arrays(image)
+    points = sheet_detector(number_of_points=1, fixed_number_of_points=True, border=20).detect_arrays(image)
     assert nearest(points, [tip]) < 3
     assert abs((points['angle'][0] - angle + 180) % 360 - 180) < 3
     assert 0 <= points['angle'][0] < 360
@@ -191,7 +201,7 @@ def test_mask_leaves_out_and_what_is_outside_does_not_matter():
     mask = np.zeros(image.shape, np.uint8)
     mask[30:90, 40:120] = 255
     for parameters in ({}, {'octaves': 3}, {'anms': True, 'anms_points': 30}, {'fixed_number_of_points': True}):
-        detector = HarrisDetector(subpixel=False, **parameters)
+        detector = sheet_detector(subpixel=False, **parameters)
         points = detector.detect_arrays(image, mask)
         x, y = points['x'].astype(int), points['y'].astype(int)
         assert len(points) > 10
@@ -199,13 +209,13 @@ def test_mask_leaves_out_and_what_is_outside_does_not_matter():
         assert np.array_equal(detector.detect_arrays(image, mask != 0), points)
     brighter = image.copy()
     brighter[:8, :8] = np.indices((8, 8)).sum(axis=0) % 2 * 255
-    detector = HarrisDetector(threshold=0.05)
+    detector = sheet_detector(threshold=0.05)
     assert np.array_equal(detector.detect_arrays(brighter, mask), detector.detect_arrays(image, mask))
     assert detector.detect(image, np.zeros_like(mask)) == []
 
 
 def test_border_leaves_out_the_rim():
-    points = HarrisDetector(border=25, threshold=0.0).detect_arrays(texture((120, 160)))
+    points = sheet_detector(border=25, threshold=0.0).detect_arrays(texture((120, 160)))
     assert len(points) > 20
     assert points['x'].min() > 24
     assert points['x'].max() < 160 - 24
@@ -215,21 +225,21 @@ def test_border_leaves_out_the_rim():
 def test_number_of_points():
     image = texture((240, 320))
     for count in (0, 1, 50):
-        assert len(HarrisDetector(fixed_number_of_points=True, number_of_points=count).detect(image)) == count
-        assert len(HarrisDetector(anms=True, anms_points=count).detect(image)) == count
-    both = HarrisDetector(anms=True, anms_points=20, fixed_number_of_points=True, number_of_points=30)
+        assert len(sheet_detector(fixed_number_of_points=True, number_of_points=count).detect(image)) == count
+        assert len(sheet_detector(anms=True, anms_points=count).detect(image)) == count
+    both = sheet_detector(anms=True, anms_points=20, fixed_number_of_points=True, number_of_points=30)
     assert len(both.detect(image)) == 20
 
 
 def test_anms_always_has_the_strongest():
     image = texture((240, 320))
-    strongest = HarrisDetector(fixed_number_of_points=True, number_of_points=1).detect_arrays(image)
-    assert np.array_equal(HarrisDetector(anms=True, anms_points=5).detect_arrays(image)[:1], strongest)
+    strongest = sheet_detector(fixed_number_of_points=True, number_of_points=1).detect_arrays(image)
+    assert np.array_equal(sheet_detector(anms=True, anms_points=5).detect_arrays(image)[:1], strongest)
 
 
 def test_objects_equal_arrays():
     image = texture()
-    detector = HarrisDetector(octaves=2)
+    detector = sheet_detector(octaves=2)
     points = detector.detect(image)
     assert isinstance(points[0], cv2.KeyPoint)
     assert np.array_equal(key_points.from_objects(points), detector.detect_arrays(image))
@@ -237,7 +247,7 @@ def test_objects_equal_arrays():
 
 def test_harris_corners_are_the_candidates_of_an_octave():
     image = texture()
-    detector = HarrisDetector(window_size=7)
+    detector = sheet_detector(window_size=7)
     full, half = detector.harris_corners(image, 0), detector.harris_corners(image, 1)
     assert np.allclose(half['x'], 2 * full['x'])
     assert set(half['size']) == {14.0}

@@ -287,7 +287,8 @@ DETECT = '''
     from rvc_features.kernels import compiler, warm_up
     from rvc_features.harris_detector import HarrisDetector
     image = np.kron(np.random.default_rng(0).integers(0, 256, (12, 16)), np.ones((8, 8))).astype(np.uint8)
-    for options in ({}, {'anms': True, 'anms_points': 40}, {'octaves': 2, 'fixed_number_of_points': True}):
+    for options in ({}, {'strength': 'harris', 'evenness': 0.0},
+                    {'anms': True, 'anms_points': 40}, {'octaves': 2, 'fixed_number_of_points': True}):
         found = HarrisDetector(**options).detect_arrays(image)
         print(np.column_stack((found['x'], found['y'], found['angle'])).tolist())
     print('available', compiler.available(), warm_up.compile_all() >= 0)
@@ -329,7 +330,7 @@ def test_candidates_left_out_early_change_nothing(number, masked, local_maxima):
         mask = np.zeros(image.shape, np.uint8)
         mask[:60, :90] = 255
     detector = HarrisDetector(octaves=3, fixed_number_of_points=True, number_of_points=number, subpixel=False,
-                              local_maxima=local_maxima)
+                              local_maxima=local_maxima, strength='harris', evenness=0.0)
     every, octave_image, octave_mask = [], image, mask
     for octave in range(3):
         every.append(detector.harris_corners(octave_image, octave, octave_mask))

@@ -67,7 +67,7 @@ def test_what_lies_in_the_image_passes(what):
 
 def test_settings_that_take_every_pixel_are_bounded_and_it_is_said(caplog):
     image = np.random.default_rng(0).integers(0, 256, (900, 1200), np.uint8)
-    ruinous = {'local_maxima': False, 'threshold': 0.0, 'minimum_response': 0.0}
+    ruinous = {'strength': 'harris', 'evenness': 0.0, 'local_maxima': False, 'threshold': 0.0, 'minimum_response': 0.0}
     found = HarrisDetector(**ruinous).detect_arrays(image)
     assert len(found) == MOST_CORNERS
     assert f'only the strongest {MOST_CORNERS:,} of 1,0' in caplog.text
@@ -80,6 +80,6 @@ def test_settings_that_take_every_pixel_are_bounded_and_it_is_said(caplog):
 
 def test_a_sigma_so_small_that_its_square_is_zero_smooths_nothing():
     image = np.random.default_rng(0).integers(0, 256, (100, 120), np.uint8)
-    plain = HarrisDetector().detect_arrays(image)
+    plain = HarrisDetector(strength='harris').detect_arrays(image)
     for sigma in (1e-310, 1e-200, 0.05):
-        assert np.array_equal(HarrisDetector(derivative_sigma=sigma).detect_arrays(image), plain)
+        assert np.array_equal(HarrisDetector(strength='harris', derivative_sigma=sigma).detect_arrays(image), plain)

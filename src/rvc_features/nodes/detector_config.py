@@ -1,7 +1,8 @@
 """From a flat table of dynamic parameters to a detector (no ROS here: a configuration is a dict).
 
 The names in the table are those of cfg/FeatureDetectorConfig.cfg. HarrisDetector's parameters have the exercise
-sheet's names; those of any other detector have its name as prefix, save `number_of_points`, which all share.
+sheet's names; those of any other detector have its name as prefix, save those that all share: the number of points,
+and adaptive non-maximal suppression.
 """
 
 from __future__ import annotations
@@ -12,14 +13,14 @@ from rvc_features import detectors, parameters
 from rvc_features.brief import shown
 from rvc_features.feature_detector import FeatureDetector
 
-_SHARED = 'number_of_points'
+_SHARED = ('number_of_points', 'anms', 'anms_points', 'anms_robustness', 'anms_pool')
 
 
 def key(detector: str, field: str) -> str:
     """Name in the table of a detector's parameter."""
-    if detector == 'harris':
-        return field.replace('anms', 'ANMS')
-    return field if field == _SHARED else f'{detector}_{field}'
+    if detector == 'harris' or field in _SHARED:
+        return field.replace('anms', 'ANMS')   # the sheet's spelling
+    return f'{detector}_{field}'
 
 
 def settle(config: dict[str, Any], previous: dict[str, Any]) -> list[str]:

@@ -1,0 +1,115 @@
+"""The levels of the image pyramid: their images, and one list of corners out of those of all of them (exercise 2)."""
+
+from __future__ import annotations
+
+from typing import Iterator, NamedTuple, Sequence
+
+import cv2
+import numpy as np
+
+from rvc_features import key_points
+
+SMALLEST = 8           # pixels: no octave gets smaller than this to either side
+MERGE_DISTANCE = 2.5   # pixels of the coarser octave: corners nearer than this are one
+ONLY_COARSE = 0.25     # weight of corners that no finer octave shows
+_LEAST_COMMON = 5      # corners that two octaves must have in common to be compared by them
+
+
+class Octave(NamedTuple):
+    """A level of the pyramid."""
+
+    image: np.ndarray
+    mask: np.ndarray | None
+
+
+def pyramid(image: np.ndarray, mask: np.ndarray | None, octaves: int) -> Iterator[Octave]:
+    """The image, and smaller ones by `cv2.pyrDown`, as many as are wanted and as the size allows."""
+    yield Octave(image, mask)
+    for _ in range(1, octaves):
+        if min(image.shape) < 2 * SMALLEST:
+            return
+        # Pixel (x, y) of the smaller image is centred on (2 x, 2 y) of the larger one.
+        image = cv2.pyrDown(image)
+        mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
+        yield Octave(image, mask)
+
+
+def joined(corners: Sequence[np.ndarray]) -> np.ndarray:
+    """The corners of all octaves in one array; as bytes, for NumPy joins records field by field."""
+    if len(corners) == 1:
+        return corners[0]
+    return np.concatenate([of_octave.view(np.uint8) for of_octave in corners]).view(key_points.DTYPE)
+
+
+def compete(responses: np.ndarray, pixels: int) -> np.ndarray:
+    """Responses of an octave as multiples of the one that one pixel in a thousand exceeds.
+
+    Smoothing and shrinking make responses smaller, so that otherwise the finest octave would have all strong points.
+    """
+    if len(responses) == 0:
+        return responses
+    rank = min(max(pixels // 1000, 1), len(responses))
+    return responses / np.partition(responses, -rank)[-rank]
+
+
+def merged(corners: Sequence[np.ndarray], count: int) -> np.ndarray:
+    """One point for each corner, however many octaves show it.
+
+    Place and response are those of the finest octave that shows it, octave and size those of the one in which it is
+    strongest; octaves thus say at what scale a corner is to be described, and cost no repeatability. A coarser octave's
+    responses are weighed so that half of the corners which both show, out of the `count` strongest, are stronger in it.
+
+    Parameters
+    ----------
+    corners : sequence of ndarray of key_points.DTYPE
+        Those of each octave, from the finest on.
+    count : int
+        About how many points are wanted.
+    """
+    everything = corners[0].copy()
+    for octave, coarse in enumerate(corners[1:], start=1):
+        if len(coarse) == 0 or len(everything) == 0:
+            everything = joined([everything, coarse])
+            continue
+        falling = np.sort(everything['response'])[::-1]
+        strong = falling[min(count, len(falling)) - 1] if count > 0 else np.inf
+        candidates = np.flatnonzero(everything['response'] >= falling[min(2 * max(count, 1), len(falling)) - 1])
+        near = _nearest(coarse, everything.take(candidates), octave)
+        common, fine = near >= 0, candidates[near]
+        responses = coarse['response'].astype(np.float64)
+        both = common & (everything['response'][fine] >= strong)
+        if np.count_nonzero(both) >= _LEAST_COMMON:
+            responses /= np.median(responses[both] / everything['response'][fine[both]])
+        stronger = common & (responses > everything['response'][fine])
+        everything['octave'][fine[stronger]] = octave
+        everything['size'][fine[stronger]] = coarse['size'][stronger]
+        rest = coarse.take(np.flatnonzero(~common))
+        rest['response'] = ONLY_COARSE * responses[~common]
+        everything = joined([everything, rest])
+    return everything
+
+
+def _nearest(points: np.ndarray, others: np.ndarray, octave: int) -> np.ndarray:
+    """Index of the nearest of the others within MERGE_DISTANCE of each point, or -1; by a grid of the octave's pixels.
+
+    Of others in the same pixel of the octave the strongest counts.
+    """
+    reach = int(np.ceil(MERGE_DISTANCE)) + 1
+    x, y = (np.rint(others[name] / (1 << octave)).astype(np.intp) + reach for name in 'xy')
+    column, row = (np.rint(points[name] / (1 << octave)).astype(np.intp) + reach for name in 'xy')
+    width, height = (max(int(a.max()), int(b.max())) + reach + 1 for a, b in ((x, column), (y, row)))
+    grid = np.full(height * width, -1, np.intp)
+    rising = np.argsort(others['response'], kind='stable')
+    grid[(y * width + x)[rising]] = rising
+    nearest = np.full(len(points), -1, np.intp)
+    least = np.full(len(points), (MERGE_DISTANCE * (1 << octave)) ** 2)
+    for down in range(-reach, reach + 1):
+        for right in range(-reach, reach + 1):
+            found = grid[(row + down) * width + column + right]
+            here = np.flatnonzero(found >= 0)
+            distance = ((points['x'][here].astype(np.float64) - others['x'][found[here]]) ** 2
+                        + (points['y'][here].astype(np.float64) - others['y'][found[here]]) ** 2)
+            closer = distance < least[here]
+            least[here[closer]] = distance[closer]
+            nearest[here[closer]] = found[here[closer]]
+    return nearest
