@@ -56,12 +56,12 @@ class TestFeatureDetector(unittest.TestCase):
             np.testing.assert_array_equal(to_array(message, 'bgr8'),
                                           draw_key_points(image, detector.detect_arrays(grey)))
 
-    def test_the_response_shows_corners_bright_and_edges_dark(self):
+    def test_the_response_shows_corners_bright_and_edges_not(self):
         message = self.answer(self.responses, square())
         self.assertEqual(message.encoding, 'mono8')
         picture = to_array(message, 'mono8')
         self.assertEqual(picture[60, 60], 255)
-        self.assertLess(picture[60, 80], 100)
+        self.assertLess(picture[60, 80], 140)
         self.assertEqual(picture[10, 10], 128)
 
     def test_encodings_of_real_cameras(self):

@@ -11,11 +11,11 @@ from ros_helpers import SECONDS, Camera, Diagnostics, Inbox, square
 from rvc_features.msg import KeyPoints
 
 EXPECTED = {
-    'whole_number': {'threshold': 0.2},
+    'whole_number': {'threshold': 0.5},
     'broken_number': {'window_size': 9},
     'even_number': {'window_size': 9},
     'text': {'window_size': 5, 'number_of_points': 7},
-    'nan': {'threshold': 0.01},
+    'nan': {'threshold': 0.05},
     'list': {'octaves': 1},
     'too_much': {'octaves': 6},
     'beyond_64_bits': {'number_of_points': 500, 'window_size': 9},
