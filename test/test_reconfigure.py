@@ -49,19 +49,19 @@ class TestReconfigure(unittest.TestCase):
         return message
 
     def test_every_parameter_of_harris_reaches_the_next_frame(self):
-        sheet = {'strength': 'harris', 'evenness': 0.0}   # uses all of them
+        sheet = {'strength': 'harris', 'evenness': 0.0, 'threshold': 0.01}   # uses all of them
         plain = self.expect('harris', sheet, **sheet)
         for name, value in {
             'window_size': 11, 'window': 'box', 'threshold': 0.15, 'minimum_response': 500000.0, 'harris_k': 0.15,
             'octaves': 3, 'local_maxima': False, 'subpixel': False, 'derivative_sigma': 1.5, 'border': 40,
             'orientation_sigma': 7.0,
         }.items():
-            message = self.expect('harris', {**sheet, name: value}, **sheet, **{name: value})
+            message = self.expect('harris', {**sheet, name: value}, **{**sheet, name: value})
             if name != 'minimum_response':
                 self.assertNotEqual((message.x, message.angle, message.octave), (plain.x, plain.angle, plain.octave),
                                     name)
         default = self.expect('harris', {})
-        for name, value in {'strength': 'harris', 'evenness': 1.0, 'minimum_contrast': 60.0, 'window_size': 11,
+        for name, value in {'strength': 'harris', 'evenness': 1.0, 'minimum_contrast': 100.0, 'window_size': 11,
                             'window': 'box'}.items():
             self.assertNotEqual(self.expect('harris', {name: value}, **{name: value}).x, default.x, name)
         self.assertEqual(len(self.expect('harris', {'fixed_number_of_points': True, 'number_of_points': 7},
