@@ -379,6 +379,16 @@ class ImageTransportTest(unittest.TestCase):
         published = dict(rospy.get_published_topics())
         assert {'/unpacked', '/packed', '/packed_again'} & set(published) == {'/unpacked'}
 
+    def test_republish_refuses_a_transport_that_there_is_not(self):
+        for arguments, text in (
+                (['raw', '_image_transport:=theora'], "~image_transport must be one of compressed, raw; got 'theora'"),
+                (['theora'], "invalid choice: 'theora'")):
+            result = subprocess.run(['rosrun', 'rvc_features', 'republish', *arguments, 'in:=nowhere', 'out:=there'],
+                                    capture_output=True, text=True, timeout=PATIENCE, check=False)
+            assert result.returncode == 2
+            assert text in result.stderr + result.stdout
+            assert 'Traceback' not in result.stderr
+
     # Names and parameters -----------------------------------------------------------------------------------------
 
     def test_names_are_resolved_before_anything_is_appended(self):
@@ -460,6 +470,41 @@ class ImageTransportTest(unittest.TestCase):
             assert in_force['jpeg_quality'] in range(1, 101)
             assert in_force['png_level'] in range(1, 10)
         assert sent(format='jpeg')[1].format == 'bgr8; jpeg compressed bgr8'
+        assert b'\xff\xd2' in sent(jpeg_restart_interval=4)[1].data
+        client.update_configuration({'enable': False})
+        publisher.publish_array(noise, 'bgr8')
+        sent(enable=True)
+        assert messages.empty(), 'one was not sent'
+        assert publisher.errors == 0
+
+    def test_refusals_name_the_cure(self):
+        publisher = self.advertise('wide')
+        self.subscribe('wide', transport_hints=COMPRESSED)
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+        outlet = publisher._outlets[1]._transport
+        for array, encoding, text in (
+                (np.zeros((2, 70_000), np.uint8), 'mono8',
+                 '(rosrun dynamic_reconfigure dynparam set /wide/compressed format png)'),
+                (np.zeros((2, 3), np.float32), '32FC1', 'can not be compressed, only those of 8 or 16 unsigned bits')):
+            with pytest.raises(image_transport.ImageError, match=re.escape(text)):
+                outlet.encode(to_image_message(array, encoding))
+
+    def test_mode_of_reading(self):
+        publisher = self.advertise('coloured')
+        for mode, encoding in (('unchanged', 'rgb8'), ('gray', 'mono8'), ('color', 'bgr8'), ('sepia', 'rgb8')):
+            rospy.set_param('~compressed/mode', mode)
+            with Warnings() as texts:
+                subscriber, images = self.subscribe('coloured', transport_hints=COMPRESSED)
+            assert [text for text in texts if '~compressed/mode must be one of' in text] == texts
+            assert len(texts) == (mode == 'sepia')
+            wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+            publisher.publish_array(quadrants('rgb8'), 'rgb8')
+            image = images.get(timeout=PATIENCE)
+            assert image.encoding == encoding, mode
+            np.testing.assert_allclose(corners(to_array(image, 'passthrough')), corners(quadrants(encoding)), atol=3)
+            subscriber.shutdown()
+            wait_until(lambda: publisher.get_num_subscribers() == 0, 'gone')
+        rospy.delete_param('~compressed/mode')
 
     def test_parameters_preset_wrongly(self):
         publisher = self.advertise('preset')
@@ -468,7 +513,8 @@ class ImageTransportTest(unittest.TestCase):
         publisher.publish_array(quadrants('bgr8'), 'bgr8')
         messages.get(timeout=PATIENCE)
         assert rospy.get_param('preset/compressed') == {
-            'format': 'jpeg', 'jpeg_quality': 80, 'png_level': 9, 'jpeg_progressive': True, 'jpeg_optimize': False}
+            'format': 'jpeg', 'jpeg_quality': 80, 'png_level': 9, 'jpeg_progressive': True, 'jpeg_optimize': False,
+            'jpeg_restart_interval': 0, 'enable': True}
 
     # Laziness and latching ----------------------------------------------------------------------------------------
 

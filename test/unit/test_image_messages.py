@@ -159,6 +159,15 @@ class TestFormatStrings:
         np.testing.assert_allclose(corners(array), corners(quadrants(encoding)), atol=3)
         np.testing.assert_allclose(corners(to_array(message, 'mono8')), GREYS, atol=3)
 
+    @pytest.mark.parametrize(('encoding', 'stored'), [('bgr16', 'bgr8'), ('rgb16', 'rgb8'), ('bgra16', 'bgra8')])
+    def test_a_jpeg_of_16_bits_as_the_cpp_plugin_writes_it(self, encoding, stored):
+        """It has 8, and the second half of the text says so."""
+        message = compressed(quadrants('bgr8'), f'{encoding}; jpeg compressed bgr8', '.jpg')
+        array, found = unpack(message)
+        assert (found, array.dtype) == (stored, np.uint8)
+        np.testing.assert_allclose(corners(array), corners(quadrants(stored)), atol=3)
+        np.testing.assert_allclose(corners(to_array(message, 'bgr8')), COLOURS, atol=3)
+
     def test_alpha_in_the_png_itself(self):
         array = quadrants('bgra8')
         array[..., 3] = 40
@@ -167,16 +176,17 @@ class TestFormatStrings:
 
     @pytest.mark.parametrize(('encoding', 'kind', 'text'), [
         ('8UC1', 'jpeg', '8UC1; jpeg compressed '), ('8UC3', 'jpeg', '8UC3; jpeg compressed '),
-        ('8UC4', 'jpeg', 'bgra8; jpeg compressed bgr8'), ('16UC1', 'png', '16UC1; png compressed '),
+        ('8UC4', 'jpeg', 'bgra8; jpeg compressed bgr8'), ('8UC4', 'png', '8UC4; png compressed '),
+        ('16UC4', 'jpeg', '16UC4; png compressed '), ('16UC1', 'png', '16UC1; png compressed '),
         ('bgr16', 'png', 'bgr16; png compressed bgr16'), ('rgba16', 'jpeg', 'rgba16; png compressed bgr16'),
         ('mono16', 'jpeg', 'mono16; png compressed ')])
     def test_written_for_rarer_encodings(self, encoding, kind, text):
-        channels = {'1': 1, '3': 3, '4': 4}.get(encoding[-1]) or {'bgr16': 3, 'rgba16': 4, 'mono16': 1}[encoding]
-        if encoding.endswith('16'):
-            channels = {'bgr16': 3, 'rgba16': 4, 'mono16': 1}[encoding]
+        channels = {'bgr16': 3, 'rgba16': 4, 'mono16': 1}.get(encoding) or int(encoding[-1])
         array = np.full((16, 24, channels), 65535 if '16' in encoding else 255,
                         np.uint16 if '16' in encoding else np.uint8)
         array[:8] = np.arange(10, 10 * channels + 1, 10)[:channels] if channels < 4 else (10, 20, 30, array.max())
+        if '4; png' in text:
+            array[:8, :, 3] = 40   # a channel that colours would do without
         message = to_compressed_message(array, encoding, format=kind)
         assert message.format == text
         found, found_encoding = unpack(message)
@@ -194,6 +204,7 @@ class TestFormatStrings:
         assert size(jpeg_quality=10) < size(jpeg_quality=50) < size(jpeg_quality=95)
         assert size(jpeg_optimize=True) < size()
         assert size(format='png', png_level=9) < size(format='png', png_level=1)
+        assert to_compressed_message(picture, 'bgr8', jpeg_restart_interval=4).data.count(b'\xff\xd3') == 2
         progressive = to_compressed_message(picture, 'bgr8', jpeg_progressive=True).data
         assert b'\xff\xc2' in progressive
         assert b'\xff\xc2' not in to_compressed_message(picture, 'bgr8').data[:1000]
@@ -251,7 +262,8 @@ BAD = {
         lambda: damaged(jpeg(), data=jpeg().data[:20] + bytes(300) + jpeg().data[320:]), 'JPEG|corrupt'),
     'JPEG of 12 bits': (lambda: damaged(jpeg(), data=in_twelve_bits(jpeg().data)), '12 bits'),
     'JPEG said to be of 16 bits': (
-        lambda: damaged(jpeg(quadrants('mono8')), format='mono16; jpeg compressed '), 'does not fit'),
+        lambda: damaged(jpeg(quadrants('mono8')), format='mono16; jpeg compressed '),
+        'does not fit.*dynparam set TOPIC/compressed format png'),
     'PNG cut': (lambda: damaged(png(), data=png().data[:-30]), 'truncated PNG'),
     'PNG cut in the signature': (lambda: damaged(png(), data=png().data[:8]), 'truncated PNG'),
     'PNG with changed pixels': (

@@ -26,11 +26,12 @@ from rvc_features.image_transport.encodings import (
 from rvc_features.still_images import MEGAPIXELS, Still, StillImageError, TooLargeError
 
 COMPRESSED_FORMATS = ('jpeg', 'png')
+_JPEG_SIDE = 65500   # pixels, of libjpeg
 
 
 def to_compressed_message(array: np.ndarray, encoding: str, header: Header | None = None, format: str = 'jpeg',
                           jpeg_quality: int = 80, jpeg_progressive: bool = False, jpeg_optimize: bool = False,
-                          png_level: int = 9) -> sensor_msgs.msg.CompressedImage:
+                          jpeg_restart_interval: int = 0, png_level: int = 9) -> sensor_msgs.msg.CompressedImage:
     """A compressed image message of an array, with format string and pixels as the C++ transport writes them.
 
     Parameters
@@ -41,6 +42,8 @@ def to_compressed_message(array: np.ndarray, encoding: str, header: Header | Non
         Images of 16 bits become PNG in any case, as JPEG has 8; where JPEG was wanted, quickly: of level 1.
     jpeg_quality : int, 1 to 100
     jpeg_progressive, jpeg_optimize : bool
+    jpeg_restart_interval : int, 0 to 65535
+        Blocks from one restart marker to the next, across which no damage spreads; 0 for none.
     png_level : int, 1 to 9
         Higher is smaller and slower.
 
@@ -56,16 +59,21 @@ def to_compressed_message(array: np.ndarray, encoding: str, header: Header | Non
         raise ImageError(f'{encoding} images can not be compressed, only those of 8 or 16 unsigned bits')
     if encoding in YUV:
         array, encoding = converted(array, encoding, 'bgr8'), 'bgr8'
-    encoding = COLOUR_OF_FOUR.get(encoding, encoding)
     bits, target = 8 * array.dtype.itemsize, ''
-    if letters(encoding) in COLOURS:
-        target = f'bgr{bits}'
-        array = recoloured(array, encoding, target)
     if bits == 16 and format == 'jpeg':
         format, png_level = 'png', 1
     if format == 'jpeg':
+        if max(array.shape[:2]) > _JPEG_SIDE:   # OpenCV would say so on the terminal too
+            raise ImageError(f'{array.shape} {encoding} image can not become jpeg, which has at most {_JPEG_SIDE} '
+                             'pixels a side')
+        encoding = COLOUR_OF_FOUR.get(encoding, encoding)
+    if letters(encoding) in COLOURS:
+        target = f'bgr{bits}'
+        array = recoloured(array, encoding, target)
+    if format == 'jpeg':
         parameters = [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality, cv2.IMWRITE_JPEG_PROGRESSIVE, int(jpeg_progressive),
-                      cv2.IMWRITE_JPEG_OPTIMIZE, int(jpeg_optimize)]
+                      cv2.IMWRITE_JPEG_OPTIMIZE, int(jpeg_optimize),
+                      cv2.IMWRITE_JPEG_RST_INTERVAL, jpeg_restart_interval]
     else:
         parameters = [cv2.IMWRITE_PNG_COMPRESSION, png_level]
     try:
@@ -109,7 +117,7 @@ def _declared(format_text: str) -> tuple[str | None, bool]:
     encoding = encoding.strip()
     if not separator or encoding.lower() in ('jpeg', 'jpg', 'png', ''):
         return None, False
-    return COLOUR_OF_FOUR.get(encoding, encoding), 'compressed rgb' in rest
+    return encoding, 'compressed rgb' in rest
 
 
 def _reconciled(text: str, declared: str | None, is_rgb: bool, still: Still) -> tuple[str, str]:
@@ -120,8 +128,14 @@ def _reconciled(text: str, declared: str | None, is_rgb: bool, still: Still) -> 
         return stored, stored
     if is_rgb:
         stored = stored.replace('bgr', 'rgb')
+    if declared in COLOUR_OF_FOUR and channels < 4:
+        declared = COLOUR_OF_FOUR[declared]   # a name that says what the fourth channel was
     declared_dtype, declared_channels = layout(declared)
     lies = f'format {text[:50]!r} does not fit the data: {channels} channels of {bits} bits'
+    if declared_dtype == np.uint16 and bits == 8 and still.kind == 'jpeg':
+        if 'compressed bgr8' not in text and 'compressed rgb8' not in text:
+            raise ImageError(f'{lies}, as JPEG has them (where it is sent: dynparam set TOPIC/compressed format png)')
+        return stored, f'{letters(declared)}8'   # C++ sends bgr16 like that, and says so
     if 8 * declared_dtype.itemsize != bits or declared_dtype.kind != 'u':
         raise ImageError(lies)
     if channels != 1 and declared in YUV:

@@ -106,8 +106,10 @@ class ImageTransport:
         hints = transport_hints or TransportHints()
         if isinstance(hints, str):
             hints = TransportHints(hints)
-        return Subscriber(rospy.resolve_name(base_topic), callback, queue_size, known.create(hints.get_transport()),
-                          hints.tcp_nodelay, decode, most_megapixels())
+        transport = known.create(hints.get_transport())
+        transport.start_subscribing(rosgraph.names.ns_join(hints.parameter_namespace, transport.name))
+        return Subscriber(rospy.resolve_name(base_topic), callback, queue_size, transport, hints.tcp_nodelay, decode,
+                          most_megapixels())
 
     def get_declared_transports(self) -> list[str]:
         """Names of all transports."""

@@ -5,12 +5,14 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
+import numpy as np
 import rospy
 import sensor_msgs.msg
 
 from rvc_features.cfg import CompressedPublisherConfig
 from rvc_features.image_transport.compressed import COMPRESSED_FORMATS, to_compressed_message
-from rvc_features.image_transport.messages import Image, to_image_message, unpack
+from rvc_features.image_transport.encodings import ImageError
+from rvc_features.image_transport.messages import Image, to_array, to_image_message, unpack
 from rvc_features.reconfigure import ReconfigureServer
 
 
@@ -33,9 +35,12 @@ class Transport(ABC):
     def stop_publishing(self) -> None:   # noqa: B027
         """Called once after the last `encode`."""
 
+    def start_subscribing(self, namespace: str) -> None:   # noqa: B027
+        """Called once before the first `decode`; parameters belong under `namespace`, such as ~compressed."""
+
     @abstractmethod
     def encode(self, image: sensor_msgs.msg.Image) -> Any:
-        """The message to send for an image; ImageError where there is none."""
+        """The message to send for an image, None where none is to be sent, ImageError where there can be none."""
 
     @abstractmethod
     def decode(self, message: Any) -> sensor_msgs.msg.Image:
@@ -58,13 +63,18 @@ class RawTransport(Transport):
         return message
 
 
+_MODES = {'unchanged': '', 'gray': 'mono8', 'color': 'bgr8'}   # C++'s names, and the encoding that each makes
+
+
 class CompressedTransport(Transport):
     """JPEG or PNG, with the parameters of cfg/CompressedPublisher.cfg under the topic."""
 
     name = 'compressed'
     message_class = sensor_msgs.msg.CompressedImage
+    _mode = 'unchanged'
 
     def start_publishing(self, topic: str) -> None:
+        self._topic = topic
         self._parameters = dict(CompressedPublisherConfig.defaults)
         self._server: ReconfigureServer | None = None
         try:
@@ -87,11 +97,30 @@ class CompressedTransport(Transport):
         self._parameters = {name: config[name] for name in self._parameters}
         return config
 
-    def encode(self, image: sensor_msgs.msg.Image) -> sensor_msgs.msg.CompressedImage:
-        return to_compressed_message(*unpack(image), image.header, **self._parameters)
+    def encode(self, image: sensor_msgs.msg.Image) -> sensor_msgs.msg.CompressedImage | None:
+        parameters = dict(self._parameters)
+        if not parameters.pop('enable'):
+            return None
+        array, encoding = unpack(image)
+        try:
+            return to_compressed_message(array, encoding, image.header, **parameters)
+        except ImageError as error:
+            cure = 'it travels raw' if array.dtype != np.uint8 or parameters['format'] == 'png' else \
+                f'rosrun dynamic_reconfigure dynparam set {self._topic} format png'
+            raise ImageError(f'{error} ({cure})') from None
+
+    def start_subscribing(self, namespace: str) -> None:
+        asked = str(rospy.get_param(f'{namespace}/mode', self._mode))
+        if asked in _MODES:
+            self._mode = asked
+        else:
+            rospy.logwarn(f'{namespace}/mode must be one of {", ".join(_MODES)}; got {asked[:50]!r}, '
+                          f'{self._mode!r} is used')
 
     def decode(self, message: sensor_msgs.msg.CompressedImage) -> sensor_msgs.msg.Image:
-        return to_image_message(*unpack(message), message.header)
+        encoding = _MODES[self._mode]
+        array, encoding = (to_array(message, encoding), encoding) if encoding else unpack(message)
+        return to_image_message(array, encoding, message.header)
 
 
 TRANSPORTS: dict[str, type[Transport]] = {'raw': RawTransport, 'compressed': CompressedTransport}

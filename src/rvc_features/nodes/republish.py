@@ -6,7 +6,8 @@ A camera driver without image_transport becomes fit for a network that way:
 
     rosrun rvc_features republish raw in:=/camera/image_raw compressed out:=/camera/image
 
-Without OUT_TRANSPORT all of them are offered. `in` is subscribed to only while somebody listens to `out`.
+Without OUT_TRANSPORT all of them are offered. The parameter ~image_transport wins over IN_TRANSPORT, as in C++. `in` is
+subscribed to only while somebody listens to `out`.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ from rvc_features.image_transport import TRANSPORTS, ImageTransport, TransportHi
 from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.spin import spin
 
+BAD_ARGUMENT = 2   # exit status
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 
 
