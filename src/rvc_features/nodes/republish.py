@@ -49,4 +49,13 @@ def main() -> int:
     parser.add_argument('in_transport', choices=sorted(TRANSPORTS))
     parser.add_argument('out_transport', choices=sorted(TRANSPORTS), nargs='?')
     arguments = parser.parse_args(rospy.myargv()[1:])
-    return spin('republish', lambda: Republisher(arguments.in_transport, arguments.out_transport).run(), anonymous=True)
+    return spin('republish', lambda: _run(arguments.in_transport, arguments.out_transport), anonymous=True)
+
+
+def _run(in_transport: str, out_transport: str | None) -> int:
+    asked = TransportHints(in_transport).get_transport()
+    if asked not in sorted(TRANSPORTS):
+        rospy.logfatal(f'~image_transport must be one of {", ".join(sorted(TRANSPORTS))}; got {str(asked)[:50]!r}')
+        return BAD_ARGUMENT
+    Republisher(in_transport, out_transport).run()
+    return 0
