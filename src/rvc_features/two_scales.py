@@ -11,10 +11,13 @@ where smoothing moves it; and a point must be a corner at two scales.
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import cv2
 import numpy as np
 
+from rvc_features.kernels import compiler
+from rvc_features.kernels import two_scales as compiled
 from rvc_features.parameters import check
 from rvc_features.response import BORDER, WINDOW, WINDOW_SIZE, check_image
 
@@ -90,6 +93,8 @@ def strength_and_maximum(image: np.ndarray, window_size: int = 5, window: str = 
 
     `out`, where it is given (float32, contiguous, of the image's shape), is what holds the strength afterwards.
     """
+    if image.size >= _LEAST_PIXELS and image.shape[1] >= 2 * compiler.LEAST_WIDTH and compiler.available():
+        return compiled.strength(image, *_taps(window_size, window), out)
     strength = reference_two_scales(image, window_size, window).astype(np.float32, order='C')
     if out is not None:
         out[:] = strength
@@ -176,3 +181,20 @@ def least_strength(minimum_contrast: float, noise: float, largest: float) -> flo
         The largest strength in the image.
     """
     return max(max(minimum_contrast / CONTRAST, NOISE_FACTOR * noise) ** 2, LEAST_SHARE * largest)
+
+
+@functools.lru_cache(maxsize=64)
+def _taps(window_size: int, window: str) -> tuple[np.ndarray, compiled.Taps, compiled.Taps]:
+    """What the compiled kernel takes: weights from their centre outwards, of binomials as whole numbers."""
+    def outwards(weights: np.ndarray) -> np.ndarray:
+        return weights[len(weights) // 2:]
+
+    def of(scale: Scale) -> compiled.Taps:
+        return (outwards(window_weights(scale, window_size, window)),
+                outwards(binomial(scale.further) * 2 ** scale.further),
+                scale.saddle * (scale.smoothing + scale.further) / 4)
+
+    return outwards(binomial(HALVING) * 2 ** HALVING), of(FINE), of(COARSE)
+
+
+_LEAST_PIXELS = 1024   # in smaller images single precision may be too little beside the largest strength

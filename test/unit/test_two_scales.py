@@ -36,8 +36,8 @@ def test_points_are_the_same_in_every_light(dtype, gain, offset):
     image = 40 + 20 * (texture((150, 200)) // 51).astype(dtype)   # grey values 40 to 140 that every gain keeps whole
     changed = (image * gain + offset).astype(dtype)
     before, after = corners_of(image), corners_of(changed)
-    assert len(before) > 100
-    assert np.abs(before - after).max() <= 1e-3
+    assert len(before) == len(after) > 100
+    assert np.linalg.norm(before[:, None] - after, axis=2).min(axis=1).max() <= 1e-3
 
 
 def test_quarter_turn_turns_the_points():

@@ -85,10 +85,14 @@ def splat(typing_context, number):
 def _converted(builder: Any, value: Any, source: Any, target: Any, vector_type: Any) -> Any:
     if source == target:
         return value
+    if isinstance(source, types.Float) and isinstance(target, types.Integer):
+        return builder.fptosi(value, vector_type)
     if isinstance(source, types.Float):
         return (builder.fpext if target.bitwidth > source.bitwidth else builder.fptrunc)(value, vector_type)
     if isinstance(target, types.Float):
         return (builder.sitofp if source.signed else builder.uitofp)(value, vector_type)
+    if source.bitwidth == target.bitwidth:
+        return value
     return (builder.sext if source.signed else builder.zext)(value, vector_type)
 
 
@@ -113,6 +117,33 @@ to_float64 = _conversion(dict.fromkeys(_numbers, types.float64))
 #: Into the type that holds sums of a few such numbers, or products of two int16, without loss.
 widened = _conversion({types.uint8: types.int16, types.int16: types.int32, types.float32: types.float64,
                        types.float64: types.float64})
+
+
+@intrinsic
+def converted(typing_context, vector, like):
+    """The vector in the type of the numbers of an array; floats lose what is behind the point in an integer."""
+    def emit(context, builder, signature, arguments):
+        vector_type = context.get_value_type(signature.return_type)
+        return _converted(builder, arguments[0], vector.dtype, like.dtype, vector_type)
+    return Vector(like.dtype)(vector, like), emit
+
+
+# ---- Order ----
+
+def _shuffle(first: int, step: int, halves: int = 1) -> Any:
+    """An intrinsic that picks sixteen numbers of two vectors, which count as one of twice the length."""
+    @intrinsic
+    def shuffle(typing_context, a, b):
+        def emit(context, builder, signature, arguments):
+            places = [first + half * LANES + i * step for i in range(LANES // halves) for half in range(halves)]
+            return builder.shuffle_vector(*arguments, ir.Constant(ir.VectorType(ir.IntType(32), LANES), places))
+        return a(a, b), emit
+    return shuffle
+
+
+evens, odds = _shuffle(0, 2), _shuffle(1, 2)   # every second number
+#: First and second half of what has a number of a and one of b in turn.
+interleaved_first, interleaved_second = _shuffle(0, 1, 2), _shuffle(LANES // 2, 1, 2)
 
 
 # ---- Arithmetic ----
@@ -145,6 +176,27 @@ def maximum(typing_context, a, b):
     def emit(context, builder, signature, arguments):
         return builder.select(builder.fcmp_ordered('>', *arguments), *arguments)
     return a(a, b), emit
+
+
+@intrinsic
+def quotient(typing_context, a, b):
+    """a / b, of two vectors of floats."""
+    def emit(context, builder, signature, arguments):
+        return builder.fdiv(*arguments)
+    return a(a, b), emit
+
+
+@intrinsic
+def square_root(typing_context, vector):
+    """Of each number of a vector of floats."""
+    def emit(context, builder, signature, arguments):
+        value_type = arguments[0].type
+        name = f'llvm.sqrt.v{LANES}f{vector.dtype.bitwidth}'
+        function = builder.module.globals.get(name)
+        if function is None:
+            function = ir.Function(builder.module, ir.FunctionType(value_type, [value_type]), name)
+        return builder.call(function, arguments)
+    return vector(vector), emit
 
 
 @intrinsic

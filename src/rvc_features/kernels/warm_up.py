@@ -11,7 +11,17 @@ import time
 
 import numpy as np
 
-from rvc_features.kernels import compiler, drawing, maxima, orientation, response, sorting, spread, suppression
+from rvc_features.kernels import (
+    compiler,
+    drawing,
+    maxima,
+    orientation,
+    response,
+    sorting,
+    spread,
+    suppression,
+    two_scales,
+)
 
 
 def compile_all() -> float:
@@ -27,6 +37,8 @@ def compile_all() -> float:
         for window in ('box', 'gaussian'):
             for derivative_sigma in (1.0, 0.0):
                 values, _ = response.response(image, 5, window, 0.04, derivative_sigma)
+        weights = np.array([2.0, 1.0])
+        two_scales.strength(image, weights, (weights, weights, 1.0), (weights, weights, 1.0))
         x, y = maxima.refine(values, *maxima.local_maxima(values, 10.0))
         orientation.smoothed_gradients(image, x, y, 2.5)
         points, responses = np.column_stack((x, y)), np.ones(len(x))

@@ -1,0 +1,325 @@
+"""The strength at two scales of whole images in two passes, a coarse and a fine one; reference: two_scales.py."""
+
+from __future__ import annotations
+
+from typing import Tuple
+
+import numpy as np
+
+from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
+from rvc_features.kernels.rows import reflect, reflect_ends, row_lead, row_length, zeros
+
+if installed:
+    from rvc_features.kernels.vectors import (
+        LANES,
+        converted,
+        evens,
+        interleaved_first,
+        interleaved_second,
+        load,
+        maximum,
+        odds,
+        quotient,
+        splat,
+        square_root,
+        store,
+        to_float32,
+    )
+
+# For their types: what a kernel keeps its numbers in.
+_UINT16, _INT16, _INT32, _FLOAT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.uint16, np.int16, np.int32,
+                                                                                np.float32, np.float64))
+_INNER, _OUTER = np.float32(9 / 16), np.float32(-1 / 16)   # weights of the two nearest pixels and the two beyond
+
+Taps = Tuple[np.ndarray, np.ndarray, float]
+
+
+def strength(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse: Taps,
+             out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+    """Strength at two scales and its largest value; reference: `two_scales.reference_two_scales`.
+
+    Each scale takes one pass, row by row. Of uint8 images gradients and second derivatives are exact. What is smoothed
+    for the fine ones goes beyond 32 bits, but its differences do not, and those of its remainders modulo 2^32 are the
+    same; that for the coarse ones is in double precision, and so is all that of float32 images. Averages of products,
+    and what follows, are in single precision.
+
+    Parameters
+    ----------
+    image : ndarray, uint8 or float32, shape (H, W)
+        At least 2 `LEAST_WIDTH` wide.
+    halving : ndarray, float64
+        Weights of the binomial before every second pixel is taken, from its centre outwards; whole numbers.
+    fine, coarse : tuple
+        Of either scale: the window's weights and those of the binomial before the second derivatives, likewise, the
+        latter whole numbers; and the weight of the determinant of these.
+    out : ndarray, float32, shape (H, W), contiguous, optional
+        Where to write the strength.
+    """
+    image = read_only(image)
+    height, width = image.shape
+    if width < 2 * LEAST_WIDTH:
+        raise ValueError(f'image must be at least {2 * LEAST_WIDTH} pixels wide; got {width}')
+    strength = np.empty((height, width), np.float32) if out is None else out
+    largest = in_bands(lambda first, last: _strength_of_rows(image, halving, fine, coarse, strength, first, last),
+                       height, width)
+    return strength, max(largest)
+
+
+def _strength_of_rows(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse: Taps, out: np.ndarray,
+                      first: int, last: int) -> float:
+    """Fill in the rows from `first` to before `last`; returns the largest value in them."""
+    height, width = (image.shape[0] + 1) // 2, (image.shape[1] + 1) // 2   # of the half-size image
+    total = int(_total(halving) ** 2)
+    if image.dtype == np.uint8:
+        unit, column, row, half_type, smooth, wide = total, _UINT16, _FLOAT32, _INT32, _INT16, _INT32
+    else:
+        unit, column, row, half_type, smooth, wide = 1, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64
+    first_half, last_half = max(0, first // 2 - 1), min(height, (last - 1) // 2 + 3)
+    reach = max(len(coarse[0]), len(coarse[1])) + 1
+    half = np.empty((height, width), half_type.dtype)
+    _halve(image, halving.astype(column.dtype), halving.astype(row.dtype), row.dtype.type(unit / total), half,
+           max(0, first_half - reach), min(height, last_half + reach))
+    response = np.empty((height, row_length(width, LANES)), np.float32)
+    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64), None, response, LANES,
+              first_half, last_half)
+    return _response(image, smooth, *_scaled(fine, 1, wide), response, out, 0, first, last)
+
+
+def _total(weights: np.ndarray) -> float:
+    """Sum of all weights, of which the array holds those from the centre outwards."""
+    return 2 * weights.sum() - weights[0]
+
+
+def _scaled(taps: Taps, unit: int, wide: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.float32, np.float32]:
+    """Taps of a scale in their types, and what makes grey values of both terms of the response, computed without."""
+    window, further, saddle = taps
+    smoothing = 16 * unit   # the sum of [1 2 1]^T [1 2 1]
+    return (window.astype(np.float32), further.astype(wide.dtype), np.float32(1 / (8 * smoothing) ** 2),
+            np.float32(saddle / (smoothing * _total(further) ** 2) ** 2))
+
+
+@kernel
+def _halve(image, column_weights, row_weights, scale, half, first, last):
+    """Rows of the smoothed image at half its size: the weighted sum down the columns, then of every second pixel."""
+    height, width = image.shape
+    half_width, radius = half.shape[1], len(row_weights) - 1
+    lead = row_lead(radius)
+    length = row_length(width, lead) + 2 * LANES
+    column = zeros(length, column_weights)
+    even, odd = zeros(length, row_weights), zeros(length, row_weights)   # from `radius` before the first pixel on
+    offsets = np.empty(2 * radius + 1, np.int64)
+    for y in range(first, last):
+        for j in range(2 * radius + 1):
+            offsets[j] = reflect(2 * y - radius + j, height) * width
+        for i in range(0, width, LANES):
+            i = min(i, width - LANES)
+            total = splat(column_weights[0]) * converted(load(image, offsets[radius] + i), column)
+            for j in range(1, radius + 1):
+                above = converted(load(image, offsets[radius - j] + i), column)
+                below = converted(load(image, offsets[radius + j] + i), column)
+                total += splat(column_weights[j]) * (above + below)
+            store(column, lead + i, total)
+        reflect_ends(column, lead, width, radius)
+        for i in range(0, half_width + radius, LANES):
+            at = lead - radius + 2 * i
+            first_half, second_half = load(column, at), load(column, at + LANES)
+            store(even, i, converted(evens(first_half, second_half), even))
+            store(odd, i, converted(odds(first_half, second_half), odd))
+        for i in range(0, half_width, LANES):
+            i = min(i, half_width - LANES)
+            middle = i + radius // 2
+            total = splat(row_weights[0]) * load(even, middle)
+            for j in range(2, radius + 1, 2):
+                total += splat(row_weights[j]) * (load(even, middle - j // 2) + load(even, middle + j // 2))
+            for j in range(1, radius + 1, 2):
+                total += splat(row_weights[j]) * (load(odd, middle - (j + 1) // 2) + load(odd, middle + j // 2))
+            store(half, y * half_width + i, converted(total * splat(scale), half))
+
+
+@kernel
+def _response(image, smooth, window, further, corner_unit, saddle_unit, coarse, out, margin, first, last):
+    """Rows of the response R, or of the strength M where the coarse response is given; returns the largest M.
+
+    Two rows at a time, for then each row of products is read half as often. `margin` is where rows of `out` begin.
+    """
+    height, width = image.shape
+    radius, far = len(window) - 1, len(further) - 1
+    lead = row_lead(max(radius, far))
+    length = row_length(width, lead)
+    done_products, done_wide = max(0, first - radius), max(0, first - 1)
+    done = max(0, min(done_products - 1, done_wide - far))
+    slots, product_slots = min(height, 2 * max(radius, far) + 6), min(height, 2 * radius + 2)
+    column_of_image, column_of_smoothed = zeros(length, smooth), zeros(length, further)
+    smoothed = zeros(slots * length, smooth).reshape((slots, length))
+    products = zeros(product_slots * 3 * length, window)
+    columns = zeros(2 * 3 * length, window).reshape((2, 3, length))
+    wide = zeros(4 * length, further).reshape((4, length))
+    enlarged = zeros(2 * length, window).reshape((2, length))
+    offsets = np.empty(2 * max(radius, far) + 2, np.int64)
+    largest = zeros(LANES, window)
+    for y in range(first, last, 2):
+        while done <= min(height - 1, y + 2 + max(radius, far)):
+            _smooth_row(image, done, column_of_image, lead, smoothed, done % slots)
+            done += 1
+        while done_products <= min(height - 1, y + 1 + radius):
+            for j in range(3):
+                offsets[j] = reflect(done_products - 1 + j, height) % slots * length + lead
+            _multiply_row(smoothed, offsets, products, done_products % product_slots * 3 * length + lead, width, length)
+            done_products += 1
+        while done_wide <= min(height - 1, y + 2):
+            for j in range(2 * far + 1):
+                offsets[j] = reflect(done_wide - far + j, height) % slots * length + lead
+            _widen_row(smoothed, offsets, further, column_of_smoothed, lead, width, wide, done_wide % 4)
+            done_wide += 1
+        for j in range(2 * radius + 2):
+            offsets[j] = reflect(y - radius + j, height) % product_slots * 3 * length + lead
+        for part in range(3):
+            _weigh_rows(products, offsets, part * length, window, width, columns, part * length + lead)
+        for row in range(min(2, last - y)):
+            for part in range(3):
+                reflect_ends(columns[row, part], lead, width, radius)
+            if coarse is not None:
+                _enlarge(coarse, y + row, enlarged, lead, width)
+            for j in range(3):
+                offsets[j] = reflect(y + row - 1 + j, height) % 4 * length + lead
+            _respond(columns, row * 3 * length + lead, window, wide, offsets, corner_unit, saddle_unit, coarse,
+                     enlarged, lead, out, (y + row) * out.shape[1] + margin, width, largest)
+    return largest.max()
+
+
+@kernel
+def _gradient(rows, above, here, below):
+    """3x3 Sobel gradients of sixteen pixels, in x and in y; unlike `rows.sobel_gradient` in the type of the rows."""
+    falling = load(rows, below + 2) - load(rows, above)
+    rising = load(rows, above + 2) - load(rows, below)
+    across = load(rows, here + 2) - load(rows, here)
+    down = load(rows, below + 1) - load(rows, above + 1)
+    return (falling + rising) + (across + across), (falling - rising) + (down + down)
+
+
+@kernel
+def _multiply_row(smoothed, offsets, products, to, width, stride):
+    """Products of the gradients of one row: I_x^2, I_x I_y, I_y^2."""
+    above, here, below = offsets[0] - 1, offsets[1] - 1, offsets[2] - 1
+    for i in range(0, width, LANES):
+        x_gradient, y_gradient = _gradient(smoothed, above + i, here + i, below + i)
+        across, down = to_float32(x_gradient), to_float32(y_gradient)
+        store(products, to + i, across * across)
+        store(products, to + stride + i, across * down)
+        store(products, to + 2 * stride + i, down * down)
+
+
+@kernel
+def _smooth_row(image, y, column, lead, smoothed, slot):
+    """Row y of the image smoothed by [1 2 1] in both directions."""
+    height, width = image.shape
+    above, here, below = reflect(y - 1, height) * width, y * width, reflect(y + 1, height) * width
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        middle = converted(load(image, here + i), column)
+        upper = converted(load(image, above + i), column) + middle
+        store(column, lead + i, upper + (converted(load(image, below + i), column) + middle))
+    reflect_ends(column, lead, width, 1)
+    to = slot * smoothed.shape[1]
+    for i in range(lead, lead + width, LANES):
+        middle = load(column, i)
+        store(smoothed, to + i, (load(column, i - 1) + middle) + (load(column, i + 1) + middle))
+    reflect_ends(smoothed[slot], lead, width, 1)
+
+
+@kernel
+def _widen_row(smoothed, offsets, weights, column, lead, width, wide, slot):
+    """One row of the smoothed image smoothed further."""
+    far = len(weights) - 1
+    for i in range(0, width, LANES):
+        total = splat(weights[0]) * converted(load(smoothed, offsets[far] + i), weights)
+        for j in range(1, far + 1):
+            pair = load(smoothed, offsets[far - j] + i) + load(smoothed, offsets[far + j] + i)
+            total += splat(weights[j]) * converted(pair, weights)
+        store(column, lead + i, total)
+    reflect_ends(column, lead, width, far)
+    to = slot * wide.shape[1]
+    for i in range(lead, lead + width, LANES):
+        total = splat(weights[0]) * load(column, i)
+        for j in range(1, far + 1):
+            total += splat(weights[j]) * (load(column, i - j) + load(column, i + j))
+        store(wide, to + i, total)
+    reflect_ends(wide[slot], lead, width, 1)
+
+
+@kernel
+def _weigh_rows(products, offsets, start, weights, width, columns, to):
+    """Weighted sums down the columns, for one row and for the next, which begins one row of products later."""
+    next_row, radius = 3 * columns.shape[2], len(weights) - 1
+    for i in range(0, width, LANES):
+        at = start + i
+        low, high = load(products, offsets[0] + at), load(products, offsets[2 * radius + 1] + at)
+        first = second = splat(np.float32(0))
+        for j in range(radius):
+            weight = splat(weights[radius - j])
+            next_low, next_high = load(products, offsets[j + 1] + at), load(products, offsets[2 * radius - j] + at)
+            first += weight * (low + next_high)
+            second += weight * (next_low + high)
+            low, high = next_low, next_high
+        store(columns, to + i, first + splat(weights[0]) * low)
+        store(columns, to + i + next_row, second + splat(weights[0]) * high)
+
+
+@kernel
+def _enlarge(coarse, y, enlarged, lead, width):
+    """Row y of the coarse response at twice its size, by (-1 9 9 -1) / 16 between its pixels."""
+    height, length = coarse.shape
+    half_width, row = (width + 1) // 2, enlarged[1]
+    inner, outer, zero = splat(_INNER), splat(_OUTER), splat(np.float32(0))
+    here, below = y // 2 * length + LANES, min(y // 2 + 1, height - 1) * length + LANES
+    above, beneath = max(y // 2 - 1, 0) * length + LANES, min(y // 2 + 2, height - 1) * length + LANES
+    for i in range(0, half_width, LANES):
+        value = load(coarse, here + i)
+        if y % 2:
+            value = inner * (value + load(coarse, below + i))
+            value += outer * (load(coarse, above + i) + load(coarse, beneath + i))
+        store(row, lead + i, value)
+    end = lead + half_width
+    row[lead - 1], row[end], row[end + 1] = row[lead], row[end - 1], row[end - 1]
+    for i in range(0, half_width, LANES):
+        at = lead + i
+        value = load(row, at)
+        between = inner * (value + load(row, at + 1)) + outer * (load(row, at - 1) + load(row, at + 2))
+        value, between = maximum(value, zero), maximum(between, zero)
+        store(enlarged, lead + 2 * i, interleaved_first(value, between))
+        store(enlarged, lead + 2 * i + LANES, interleaved_second(value, between))
+
+
+@kernel
+def _respond(columns, start, weights, wide, offsets, corner_unit, saddle_unit, coarse, enlarged, lead, out, to, width,
+             largest):
+    """One row of R or M from the weighted sums down the columns and from three rows of what was smoothed further."""
+    stride, radius = columns.shape[2], len(weights) - 1
+    corner_unit, saddle_unit, sixteenth = splat(corner_unit), splat(saddle_unit), splat(np.float32(1 / 16))
+    zero, tiny = splat(np.float32(0)), splat(np.float32(1e-30))   # no trace is as small, but where it is 0
+    most = load(largest, 0)
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        at = start + i
+        a = splat(weights[0]) * load(columns, at)
+        b = splat(weights[0]) * load(columns, at + stride)
+        c = splat(weights[0]) * load(columns, at + 2 * stride)
+        for j in range(1, radius + 1):
+            weight = splat(weights[j])
+            a += weight * (load(columns, at - j) + load(columns, at + j))
+            b += weight * (load(columns, at + stride - j) + load(columns, at + stride + j))
+            c += weight * (load(columns, at + 2 * stride - j) + load(columns, at + 2 * stride + j))
+        above, here, below = offsets[0] + i, offsets[1] + i, offsets[2] + i
+        middle = load(wide, here)
+        middle += middle
+        xx = to_float32(load(wide, here - 1) + load(wide, here + 1) - middle)
+        yy = to_float32(load(wide, above) + load(wide, below) - middle)
+        falling = load(wide, above - 1) + load(wide, below + 1)
+        xy = to_float32(falling - load(wide, above + 1) - load(wide, below - 1))   # four times
+        value = quotient(a * c - b * b, maximum(a + c, tiny)) * corner_unit
+        value = maximum(value + saddle_unit * (xy * xy * sixteenth - xx * yy), zero)
+        if coarse is not None:
+            value = square_root(value * load(enlarged, lead + i))
+            most = maximum(value, most)
+        store(out, to + i, value)
+    store(largest, 0, most)

@@ -1,0 +1,104 @@
+"""The compiled kernels of the strength at two scales against their references."""
+
+import cv2
+import numpy as np
+import pytest
+from conftest import texture
+
+from rvc_features.kernels import compiler
+from rvc_features.kernels import two_scales as compiled_two_scales
+from rvc_features.two_scales import (
+    COARSE,
+    FINE,
+    HALVING,
+    binomial,
+    reference_two_scales,
+    strength_and_maximum,
+    two_scale_strength,
+    window_weights,
+)
+
+pytestmark = pytest.mark.skipif(not compiler.available(), reason='Numba is not installed')
+
+random = np.random.default_rng(0)
+SHAPES = [(1, 1200), (2, 520), (3, 400), (40, 36), (61, 37), (41, 203), (64, 128)]
+
+
+def images(shape):
+    yield 'noise', random.integers(0, 256, shape, np.uint8)
+    yield 'binary noise', random.integers(0, 2, shape, np.uint8) * np.uint8(255)
+    yield 'texture', texture(shape)
+    yield 'low contrast', random.integers(200, 206, shape, np.uint8)
+    yield 'white', np.full(shape, 255, np.uint8)
+    yield 'float', random.normal(100, 30, shape).astype(np.float32)
+    yield 'float, far from zero', (1e4 + random.normal(0, 1, shape)).astype(np.float32)
+
+
+def outwards(weights):
+    return weights[len(weights) // 2:]
+
+
+def taps(scale, window_size, window):
+    return (outwards(window_weights(scale, window_size, window)), outwards(binomial(scale.further) * 2**scale.further),
+            scale.saddle * (scale.smoothing + scale.further) / 4)
+
+
+def assert_equal_strength(strength, expected):
+    """Near zero the root magnifies errors; there, squares are compared."""
+    largest = expected.max()
+    assert np.abs(strength.astype(np.float64) ** 2 - expected ** 2).max() <= 1e-5 * largest ** 2
+    above_zero = expected > 0.05 * largest
+    assert np.abs(strength - expected)[above_zero].max(initial=0) <= 1e-5 * largest
+
+
+@pytest.mark.parametrize('window', ['box', 'gaussian'])
+@pytest.mark.parametrize('shape', SHAPES)
+def test_strength_kernel_equals_reference(shape, window):
+    for name, image in images(shape):
+        for window_size in (3, 5, 9, 31) if shape == (41, 203) else (5, 9):
+            expected = reference_two_scales(image, window_size, window)
+            scales = [taps(scale, window_size, window) for scale in (FINE, COARSE)]
+            strength, largest = compiled_two_scales.strength(image, outwards(binomial(HALVING) * 2**HALVING), *scales)
+            assert strength.shape == shape, name
+            assert strength.dtype == np.float32
+            assert_equal_strength(strength, expected)
+            assert largest == strength.max()
+
+
+@pytest.mark.parametrize('shape', [(1, 1200), (5, 300), (41, 203)])
+def test_bands_of_rows_make_no_difference(monkeypatch, shape):
+    threads = cv2.getNumThreads()
+    for image in (texture(shape), texture(shape).astype(np.float32)):
+        expected = strength_and_maximum(image)
+        cv2.setNumThreads(3)
+        try:
+            with monkeypatch.context() as patch:
+                patch.setattr(compiler, '_LEAST_BAND', 1)
+                strength, largest = strength_and_maximum(image)
+        finally:
+            cv2.setNumThreads(threads)
+        assert np.array_equal(strength, expected[0])
+        assert largest == expected[1]
+
+
+def test_strength_is_written_where_it_is_told():
+    for shape in ((60, 80), (9, 9)):   # the second is too small for the kernel
+        image, out = texture(shape), np.empty(shape, np.float32)
+        _, largest = strength_and_maximum(image, 5, 'gaussian', out)
+        assert np.array_equal(out, two_scale_strength(image))
+        assert largest == out.max()
+
+
+def test_too_narrow_for_the_kernel_is_an_error():
+    weights = np.array([2.0, 1.0])
+    with pytest.raises(ValueError, match='at least 36 pixels wide; got 35'):
+        compiled_two_scales.strength(np.zeros((100, 35), np.uint8), weights, (weights, weights, 1.0),
+                                     (weights, weights, 1.0))
+
+
+@pytest.mark.parametrize('shape', [(1, 1), (1, 9), (9, 1), (2, 2), (31, 35), (200, 5)])
+def test_images_too_small_for_the_kernel(shape):
+    for _, image in images(shape):
+        strength = two_scale_strength(image)
+        assert strength.shape == shape
+        assert_equal_strength(strength, reference_two_scales(image, 5, 'gaussian'))
