@@ -2,7 +2,8 @@
 
     response, two_scales, maxima, orientation, drawing: twins of the modules of that name; sorting, spread,
     suppression: of filters
-    compiler: the decorator, and what all share; rows, vectors: what kernels over whole images are made of
+    compiler: the decorator, and what all share; rows, resampling, vectors: what kernels over whole images
+    are made of
     cache, cache_folder: what was compiled, kept on disk
     warm_up: compiles all of them before the first frame
 

@@ -7,18 +7,15 @@ from typing import Tuple
 import numpy as np
 
 from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
+from rvc_features.kernels.resampling import enlarge_row, halve
 from rvc_features.kernels.rows import reflect, reflect_ends, row_lead, row_length, zeros
 
 if installed:
     from rvc_features.kernels.vectors import (
         LANES,
         converted,
-        evens,
-        interleaved_first,
-        interleaved_second,
         load,
         maximum,
-        odds,
         quotient,
         splat,
         square_root,
@@ -29,7 +26,6 @@ if installed:
 # For their types: what a kernel keeps its numbers in.
 _UINT16, _INT16, _INT32, _FLOAT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.uint16, np.int16, np.int32,
                                                                                 np.float32, np.float64))
-_INNER, _OUTER = np.float32(9 / 16), np.float32(-1 / 16)   # weights of the two nearest pixels and the two beyond
 
 Taps = Tuple[np.ndarray, np.ndarray, float]
 
@@ -77,7 +73,7 @@ def _strength_of_rows(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse
     first_half, last_half = max(0, first // 2 - 1), min(height, (last - 1) // 2 + 3)
     reach = max(len(coarse[0]), len(coarse[1])) + 1
     half = np.empty((height, width), half_type.dtype)
-    _halve(image, halving.astype(column.dtype), halving.astype(row.dtype), row.dtype.type(unit / total), half,
+    halve(image, halving.astype(column.dtype), halving.astype(row.dtype), row.dtype.type(unit / total), half,
            max(0, first_half - reach), min(height, last_half + reach))
     response = np.empty((height, row_length(width, LANES)), np.float32)
     _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64), None, response, LANES,
@@ -96,44 +92,6 @@ def _scaled(taps: Taps, unit: int, wide: np.ndarray) -> tuple[np.ndarray, np.nda
     smoothing = 16 * unit   # the sum of [1 2 1]^T [1 2 1]
     return (window.astype(np.float32), further.astype(wide.dtype), np.float32(1 / (8 * smoothing) ** 2),
             np.float32(saddle / (smoothing * _total(further) ** 2) ** 2))
-
-
-@kernel
-def _halve(image, column_weights, row_weights, scale, half, first, last):
-    """Rows of the smoothed image at half its size: the weighted sum down the columns, then of every second pixel."""
-    height, width = image.shape
-    half_width, radius = half.shape[1], len(row_weights) - 1
-    lead = row_lead(radius)
-    length = row_length(width, lead) + 2 * LANES
-    column = zeros(length, column_weights)
-    even, odd = zeros(length, row_weights), zeros(length, row_weights)   # from `radius` before the first pixel on
-    offsets = np.empty(2 * radius + 1, np.int64)
-    for y in range(first, last):
-        for j in range(2 * radius + 1):
-            offsets[j] = reflect(2 * y - radius + j, height) * width
-        for i in range(0, width, LANES):
-            i = min(i, width - LANES)
-            total = splat(column_weights[0]) * converted(load(image, offsets[radius] + i), column)
-            for j in range(1, radius + 1):
-                above = converted(load(image, offsets[radius - j] + i), column)
-                below = converted(load(image, offsets[radius + j] + i), column)
-                total += splat(column_weights[j]) * (above + below)
-            store(column, lead + i, total)
-        reflect_ends(column, lead, width, radius)
-        for i in range(0, half_width + radius, LANES):
-            at = lead - radius + 2 * i
-            first_half, second_half = load(column, at), load(column, at + LANES)
-            store(even, i, converted(evens(first_half, second_half), even))
-            store(odd, i, converted(odds(first_half, second_half), odd))
-        for i in range(0, half_width, LANES):
-            i = min(i, half_width - LANES)
-            middle = i + radius // 2
-            total = splat(row_weights[0]) * load(even, middle)
-            for j in range(2, radius + 1, 2):
-                total += splat(row_weights[j]) * (load(even, middle - j // 2) + load(even, middle + j // 2))
-            for j in range(1, radius + 1, 2):
-                total += splat(row_weights[j]) * (load(odd, middle - (j + 1) // 2) + load(odd, middle + j // 2))
-            store(half, y * half_width + i, converted(total * splat(scale), half))
 
 
 @kernel
@@ -179,7 +137,7 @@ def _response(image, smooth, window, further, corner_unit, saddle_unit, coarse, 
             for part in range(3):
                 reflect_ends(columns[row, part], lead, width, radius)
             if coarse is not None:
-                _enlarge(coarse, y + row, enlarged, lead, width)
+                enlarge_row(coarse, y + row, enlarged, lead, width)
             for j in range(3):
                 offsets[j] = reflect(y + row - 1 + j, height) % 4 * length + lead
             _respond(columns, row * 3 * length + lead, window, wide, offsets, corner_unit, saddle_unit, coarse,
@@ -263,31 +221,6 @@ def _weigh_rows(products, offsets, start, weights, width, columns, to):
             low, high = next_low, next_high
         store(columns, to + i, first + splat(weights[0]) * low)
         store(columns, to + i + next_row, second + splat(weights[0]) * high)
-
-
-@kernel
-def _enlarge(coarse, y, enlarged, lead, width):
-    """Row y of the coarse response at twice its size, by (-1 9 9 -1) / 16 between its pixels."""
-    height, length = coarse.shape
-    half_width, row = (width + 1) // 2, enlarged[1]
-    inner, outer, zero = splat(_INNER), splat(_OUTER), splat(np.float32(0))
-    here, below = y // 2 * length + LANES, min(y // 2 + 1, height - 1) * length + LANES
-    above, beneath = max(y // 2 - 1, 0) * length + LANES, min(y // 2 + 2, height - 1) * length + LANES
-    for i in range(0, half_width, LANES):
-        value = load(coarse, here + i)
-        if y % 2:
-            value = inner * (value + load(coarse, below + i))
-            value += outer * (load(coarse, above + i) + load(coarse, beneath + i))
-        store(row, lead + i, value)
-    end = lead + half_width
-    row[lead - 1], row[end], row[end + 1] = row[lead], row[end - 1], row[end - 1]
-    for i in range(0, half_width, LANES):
-        at = lead + i
-        value = load(row, at)
-        between = inner * (value + load(row, at + 1)) + outer * (load(row, at - 1) + load(row, at + 2))
-        value, between = maximum(value, zero), maximum(between, zero)
-        store(enlarged, lead + 2 * i, interleaved_first(value, between))
-        store(enlarged, lead + 2 * i + LANES, interleaved_second(value, between))
 
 
 @kernel
