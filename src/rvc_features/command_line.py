@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import os
 import signal
 import sys
 from typing import Any, Callable, Iterable, Iterator, NoReturn
@@ -81,3 +82,12 @@ def print_safely() -> None:
     """From here on, letters that the terminal lacks (or a file name has wrong) are printed as \\x.., not an error."""
     with contextlib.suppress(AttributeError):     # a stream that somebody put there in place of the terminal
         sys.stdout.reconfigure(errors='backslashreplace')   # type: ignore[union-attr]
+
+
+def quiet_opencv() -> None:
+    """What OpenCV prints about a bad file is said by us, once and in words. To be called before it opens a video."""
+    import cv2
+    os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')
+    set_level = getattr(cv2, 'setLogLevel', None) or getattr(getattr(cv2.utils, 'logging', None), 'setLogLevel', None)
+    if set_level is not None:     # OpenCV 4.2 has neither
+        set_level(0)

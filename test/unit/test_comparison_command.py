@@ -204,8 +204,8 @@ def test_the_best_is_marked_and_what_can_not_be_told_apart(sequence, tmp_path):
     (['nowhere'], 'nowhere: no such file or folder'),
     (['{data}', '-d', 'surf'], "unknown detector 'surf'; there are fast"),
     (['{data}', '-d', 'harris:size=3'], "harris has no parameter 'size'; it has window_size"),
-    (['{data}', '--detectors-from', 'no.yaml'], 'no.yaml: No such file'),
-    (['--pair', '{data}/img1.png', '{data}/img2.png', '{data}/H'], '{data}/H: No such file'),
+    (['{data}', '--detectors-from', 'no.yaml'], 'no.yaml: no such file'),
+    (['--pair', '{data}/img1.png', '{data}/img2.png', '{data}/H'], '{data}/H: no such file'),
     (['--photograph', '{data}/H1to2p'], 'H1to2p: not an image'),
 ])
 def test_bad_input_is_one_line_and_status_2(sequence, tmp_path, capsys, arguments, said):

@@ -74,7 +74,7 @@ def test_bad_yaml_is_named_with_file_and_place(tmp_path, text, expected):
 
 
 def test_a_missing_yaml_file(tmp_path):
-    with pytest.raises(ContestantError, match=r'nothing\.yaml: No such file'):
+    with pytest.raises(ContestantError, match=r'nothing\.yaml: no such file'):
         read_yaml(str(tmp_path / 'nothing.yaml'), 500)
 
 

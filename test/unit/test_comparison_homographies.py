@@ -64,7 +64,7 @@ def test_what_is_no_homography_is_refused_with_file_reason_and_what_is_accepted(
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(HomographyError, match='H1to2p: No such file'):
+    with pytest.raises(HomographyError, match='H1to2p: no such file'):
         read_homography(str(tmp_path / 'H1to2p'))
 
 

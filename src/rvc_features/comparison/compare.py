@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import contextlib
 import importlib
 import os
 import sys
 from concurrent.futures import BrokenExecutor
 
-import cv2
-
-from rvc_features.command_line import BAD_INPUT, FAILED, Interrupted, signals_as_exceptions
+from rvc_features.command_line import BAD_INPUT, FAILED, Interrupted, quiet_opencv, signals_as_exceptions
 from rvc_features.comparison import contestants, executors, inputs, report, runner, sequences, summary, text_tables
 from rvc_features.comparison.contestants import Contestant, ContestantError
 from rvc_features.comparison.datasets import Dataset, Options, with_distinct_names
@@ -24,7 +21,7 @@ from rvc_features.recordings.regular_files import SourceError
 
 def compare(given: argparse.Namespace) -> int:
     """Compare as `given` (the parsed options of `command`) says; the exit status. What goes wrong is told on stderr."""
-    _quiet_opencv()
+    quiet_opencv()
     try:
         with signals_as_exceptions():
             _compare(given)
@@ -106,8 +103,3 @@ def _import(module: str) -> None:
         raise ContestantError(f'--import {module}: {type(error).__name__}: {error}; it must be a module that Python '
                               'finds, here or on PYTHONPATH') from None
 
-
-def _quiet_opencv() -> None:
-    """What OpenCV prints about a bad file is said by us, once and in words."""
-    with contextlib.suppress(AttributeError):
-        cv2.utils.logging.setLogLevel(0)   # type: ignore[attr-defined]

@@ -14,8 +14,10 @@ from typing import Any, Mapping, Sequence
 import numpy as np
 
 from rvc_features import detectors, parameters
+from rvc_features.brief import cut
 from rvc_features.comparison import measures
 from rvc_features.feature_detector import FeatureDetector
+from rvc_features.recordings.regular_files import SourceError, read_text
 
 
 class ContestantError(ValueError):
@@ -124,18 +126,20 @@ def parse(text: str, count: int) -> Contestant:
 
 def read_yaml(path: str, count: int) -> list[Contestant]:
     """The contestants in a YAML file; ContestantError as in `parse`, with the file's name."""
-    import yaml  # here, for the rest works without
-
     accepted = ('accepted is a list of mappings with the keys detector, label, parameters and thinned, '
                 'alone or under the key detectors')
     try:
-        with open(path, encoding='utf-8') as file:
-            # BaseLoader leaves every scalar a text: YAML 1.1 would read FAST's type 9_16 as the number 916.
-            content = yaml.load(file, Loader=yaml.BaseLoader)
-    except OSError as error:
-        raise ContestantError(f'{path}: {error.strerror}; {accepted}') from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        raise ContestantError(f'{path}: not YAML ({" ".join(str(error).split())}); {accepted}') from None
+        import yaml  # here, for the rest works without
+    except ImportError:
+        raise ContestantError(f'{path}: reading it needs PyYAML, which is not installed here: python3 -m pip install '
+                              'PyYAML') from None
+    try:
+        # BaseLoader leaves every scalar a text: YAML 1.1 would read FAST's type 9_16 as the number 916.
+        content = yaml.load(read_text(path), Loader=yaml.BaseLoader)
+    except SourceError as error:
+        raise ContestantError(f'{error}; {accepted}') from None
+    except (yaml.YAMLError, RecursionError) as error:
+        raise ContestantError(f'{path}: not YAML ({cut(str(error))}); {accepted}') from None
     entries = content.get('detectors') if isinstance(content, dict) else content
     if not isinstance(entries, list) or not entries:
         raise ContestantError(f'{path}: no list of detectors in it; {accepted}')

@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ElementTree
 
 import numpy as np
 
-from rvc_features.recordings.image_sources import SourceError
+from rvc_features.recordings.regular_files import SourceError, read_text
 
 ACCEPTED = ('a homography file holds three lines of three numbers, or is an OpenCV XML file with one 3x3 matrix; '
             'the matrix must be finite and invertible')
@@ -32,10 +32,9 @@ def read_homography(path: str) -> np.ndarray:
         When the file is missing or its content is not as `ACCEPTED` says.
     """
     try:
-        with open(path, encoding='utf-8', errors='replace') as file:
-            text = file.read()
-    except OSError as error:
-        raise HomographyError(f'{path}: {error.strerror}; {ACCEPTED}') from None
+        text = read_text(path)
+    except SourceError as error:
+        raise HomographyError(f'{error}; {ACCEPTED}') from None
     is_xml = os.path.splitext(path)[1].lower() == '.xml' or text.lstrip().startswith('<')
     try:
         return checked(_from_xml(text) if is_xml else _from_lines(text))

@@ -18,7 +18,7 @@ from typing import Iterator, Sequence
 
 import cv2
 
-from rvc_features.command_line import BAD_INPUT, FAILED, Interrupted, print_safely, signals_as_exceptions
+from rvc_features.command_line import BAD_INPUT, FAILED, Interrupted, print_safely, quiet_opencv, signals_as_exceptions
 from rvc_features.demo.play import play
 from rvc_features.demo.results import contact_sheet, lost, summary
 from rvc_features.demo.scenes import DemoError, own_bag, real_frames
@@ -30,6 +30,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit status."""
     print_safely()
     options = _parser().parse_args(arguments)
+    quiet_opencv()
     output = Path(options.output)
     try:
         with signals_as_exceptions():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 import sys
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Iterator, NamedTuple, Sequence
 import cv2
 import numpy as np
 
+from rvc_features import still_images
 from rvc_features.recordings.file_times import FileTimes, file_times
 from rvc_features.recordings.regular_files import SourceError, check_regular
 
@@ -113,9 +113,10 @@ class Video:
 
     def _open(self) -> cv2.VideoCapture:
         check_regular(self.path)
-        os.environ.setdefault('OPENCV_FFMPEG_LOGLEVEL', '-8')   # what is wrong with a video is said by us, once
-        capture = cv2.VideoCapture(str(self.path))
-        # FFmpeg, as older OpenCV brings it, films the letters of a text file.
+        # FFmpeg where it is there: the others talk to the terminal. As older OpenCV brings it, it films the letters of
+        # a text file.
+        backends = cv2.videoio_registry.getBackends()
+        capture = cv2.VideoCapture(str(self.path), cv2.CAP_FFMPEG if cv2.CAP_FFMPEG in backends else cv2.CAP_ANY)
         if not capture.isOpened() or capture.get(cv2.CAP_PROP_FOURCC) == int.from_bytes(b'ansi', 'little'):
             raise SourceError(f'{self.path}: not a video that OpenCV can read')
         return capture
@@ -132,7 +133,8 @@ _MOST_FRAMES = 1e9   # as a count or a rate; a damaged file may say anything
 
 def open_source(paths: Sequence[str | Path]) -> ImageFiles | Video:
     """The frames of one video, or of any number of image files and folders; SourceError otherwise."""
-    if len(paths) == 1 and Path(paths[0]).is_file() and not is_image(Path(paths[0])):
+    path = Path(paths[0])
+    if len(paths) == 1 and path.exists() and not path.is_dir() and not is_image(path):
         return Video(paths[0])
     return ImageFiles(paths)
 
@@ -141,21 +143,15 @@ def read_image(path: str | Path, grey: bool = False) -> np.ndarray:
     """One image file as uint8, grey or BGR as it is stored; SourceError where it can't be decoded.
 
     With `grey` the decoder makes it grey, as `cv2.imread(path, cv2.IMREAD_GRAYSCALE)` does: that can differ by one
-    grey value from a conversion afterwards, which moves published figures of detectors.
+    grey value from a conversion afterwards, which moves published figures of detectors. (Unlike there, a note in the
+    file that the camera was held upright turns nothing.)
     """
     check_regular(path)
     try:
         data = np.fromfile(path, np.uint8)
     except OSError as error:
         raise SourceError(f'{path}: {error.strerror}') from None
-    flags = cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_UNCHANGED
-    try:
-        image = cv2.imdecode(data, flags) if data.size and not _is_cut_short(data.tobytes()) else None
-    except cv2.error:   # a size that it refuses
-        image = None
-    if image is None:
-        raise SourceError(f'{path}: not an image that OpenCV can read, or cut short '
-                          f'(accepted: {", ".join(IMAGE_SUFFIXES)})')
+    image = _decoded(path, data, cv2.IMREAD_GRAYSCALE if grey else cv2.IMREAD_UNCHANGED)
     if image.dtype != np.uint8:
         image = cv2.normalize(image, np.empty(image.shape, np.uint8), 0, 255, cv2.NORM_MINMAX, cv2.CV_8U)
     if image.ndim == 3 and image.shape[2] == 4:
@@ -163,11 +159,23 @@ def read_image(path: str | Path, grey: bool = False) -> np.ndarray:
     return image
 
 
-def _is_cut_short(data: bytes) -> bool:
-    """Whether the end of a JPEG or PNG file is missing: OpenCV then fills up with grey and says nothing."""
-    if data.startswith(b'\xff\xd8'):
-        return b'\xff\xd9' not in data[-4096:]   # some cameras add a few bytes after the end
-    return data.startswith(b'\x89PNG') and b'IEND' not in data[-4096:]
+def _decoded(path: str | Path, data: np.ndarray, flags: int) -> np.ndarray:
+    reason = 'it is empty' if data.size == 0 else 'the decoder refuses it'
+    image = None
+    try:
+        if still_images.kind(data[:8].tobytes()) is not None:
+            image = still_images.decode(still_images.check(data.tobytes(), _MEGAPIXELS), flags)
+        elif data.size:
+            image = cv2.imdecode(data, flags)
+    except (still_images.StillImageError, cv2.error) as error:
+        reason = error.err if isinstance(error, cv2.error) else str(error)
+    if image is None:
+        raise SourceError(f'{path}: not an image that OpenCV can read, or cut short ({reason}; '
+                          f'accepted: {", ".join(IMAGE_SUFFIXES)})')
+    return image
+
+
+_MEGAPIXELS = 200   # the largest photographs; of a tiny file that claims more, the pixels would fill the memory
 
 
 def is_image(path: Path) -> bool:

@@ -25,6 +25,7 @@ from rvc_features.command_line import (
     Interrupted,
     positive_number,
     print_safely,
+    quiet_opencv,
     signals_as_exceptions,
     with_progress,
 )
@@ -107,6 +108,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit status."""
     print_safely()
     options = _parser().parse_args(arguments)
+    quiet_opencv()
     try:
         with signals_as_exceptions():
             source = open_source(options.inputs)

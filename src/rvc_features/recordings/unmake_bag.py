@@ -21,6 +21,7 @@ from rvc_features.command_line import (
     Interrupted,
     positive_number,
     print_safely,
+    quiet_opencv,
     signals_as_exceptions,
     with_progress,
 )
@@ -94,6 +95,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit status."""
     print_safely()
     options = _parser().parse_args(arguments)
+    quiet_opencv()
     video = Path(options.output).suffix.lower() in VIDEOS
     try:
         with signals_as_exceptions():
