@@ -8,6 +8,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from rvc_features.kernels import compiler
+from rvc_features.kernels import contrast as compiled
 from rvc_features.response import BORDER
 
 RUN = 64           # pixels of a row that one estimate of the noise is averaged over
@@ -35,7 +37,8 @@ def noise(image: np.ndarray) -> float:
     ----------
     J. Immerkaer, "Fast noise variance estimation", Computer Vision and Image Understanding 64(2), 1996.
     """
-    magnitudes = reference_noise_of_runs(image)
+    run = min(RUN, image.shape[1])
+    magnitudes = (compiled.noise_of_runs if compiler.available() else reference_noise_of_runs)(image, run)
     if len(magnitudes) == 0:
         return 0.0
     # The mask's weights have the norm 6, and the mean magnitude of a normal variable is sqrt(2 / pi).
@@ -60,13 +63,16 @@ def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         In squared grey values per squared pixel.
     """
     side = SIGMAS[0] // 2
-    sums = reference_energy_of_cells(image, side)
+    vectors = compiler.available() and image.shape[1] >= compiler.LEAST_WIDTH
+    sums = (compiled.energy_of_cells if vectors else reference_energy_of_cells)(image, side)
+    between = compiled.bilinear if compiler.available() else reference_bilinear
+    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     energy = np.ones(len(x))
     for sigma in SIGMAS:
         factor = sigma // SIGMAS[0]
         means = _means_of_cells(sums, factor, side, image.shape)
         average = cv2.GaussianBlur(means, (0, 0), 2, borderType=BORDER)
-        energy *= reference_bilinear(average, (x + 0.5) / (factor * side) - 0.5, (y + 0.5) / (factor * side) - 0.5)
+        energy *= between(average, (x + 0.5) / (factor * side) - 0.5, (y + 0.5) / (factor * side) - 0.5)
     return np.sqrt(energy)
 
 
@@ -88,11 +94,10 @@ def reference_energy_of_cells(image: np.ndarray, side: int) -> np.ndarray:
     return np.add.reduceat(np.add.reduceat(energy, rows, axis=0), columns, axis=1)
 
 
-def reference_noise_of_runs(image: np.ndarray) -> np.ndarray:
-    """Mean magnitude of the noise mask's response over runs of pixels, float64; of whole rows in narrow images."""
+def reference_noise_of_runs(image: np.ndarray, run: int) -> np.ndarray:
+    """Mean magnitude of the noise mask's response over runs of pixels of every fourth row, float64."""
     mask = np.array([1.0, -2, 1])
     magnitude = np.abs(cv2.sepFilter2D(image.astype(np.float64), -1, mask, mask, borderType=BORDER))[2:-2:4]
-    run = min(RUN, image.shape[1])
     return magnitude[:, :image.shape[1] // run * run].reshape(-1, run).mean(axis=1)
 
 

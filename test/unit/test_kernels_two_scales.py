@@ -1,11 +1,13 @@
-"""The compiled kernels of the strength at two scales against their references."""
+"""The compiled kernels of the strength at two scales, and of its ranking, against their references."""
 
 import cv2
 import numpy as np
 import pytest
 from conftest import texture
 
+from rvc_features import contrast
 from rvc_features.kernels import compiler
+from rvc_features.kernels import contrast as compiled_contrast
 from rvc_features.kernels import two_scales as compiled_two_scales
 from rvc_features.two_scales import (
     COARSE,
@@ -102,3 +104,22 @@ def test_images_too_small_for_the_kernel(shape):
         strength = two_scale_strength(image)
         assert strength.shape == shape
         assert_equal_strength(strength, reference_two_scales(image, 5, 'gaussian'))
+
+
+@pytest.mark.parametrize('shape', [(1, 18), (2, 70), (4, 64), (5, 90), (6, 19), (41, 203), (64, 128)])
+def test_contrast_kernels_equal_references(shape):
+    for _, image in images(shape):
+        for side in (8, 5):
+            sums = contrast.reference_energy_of_cells(image, side)
+            assert np.allclose(compiled_contrast.energy_of_cells(image, side), sums, rtol=1e-12)
+        for run in (18, 7):
+            means = contrast.reference_noise_of_runs(image, run)
+            assert np.allclose(compiled_contrast.noise_of_runs(image, run), means, rtol=1e-12, atol=1e-9)
+        x, y = random.uniform(-3, 30, (2, 50))
+        between = contrast.reference_bilinear(image, x, y)
+        assert np.allclose(compiled_contrast.bilinear(image, x, y), between, rtol=1e-12)
+
+
+def test_too_narrow_for_the_energy_kernel_is_an_error():
+    with pytest.raises(ValueError, match='at least 18 pixels wide; got 17'):
+        compiled_contrast.energy_of_cells(np.zeros((9, 17), np.uint8), 8)

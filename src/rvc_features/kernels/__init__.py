@@ -1,6 +1,6 @@
 """The compiled twins: one file for each module at the top whose loops Numba compiles.
 
-    response, two_scales, maxima, orientation, drawing: twins of the modules of that name; sorting, spread,
+    response, two_scales, contrast, maxima, orientation, drawing: twins of the modules of that name; sorting, spread,
     suppression: of filters
     compiler: the decorator, and what all share; rows, resampling, vectors: what kernels over whole images
     are made of
