@@ -9,6 +9,7 @@ import sys
 import tempfile
 import time
 import unittest
+import unittest.mock
 from pathlib import Path
 
 import rosgraph
@@ -20,6 +21,8 @@ from ros_helpers import SECONDS, Camera, Diagnostics, Inbox, exchange_until, squ
 from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
+
+from rvc_features.nodes.lazy_input import LazyInput
 
 OK, WARN, ERROR = 0, 1, 2
 
@@ -118,6 +121,38 @@ class TestWhatTheNodeSays(unittest.TestCase):
         values = self.status_of('loop/wrong_output', 'is published by')
         self.assertIn(f'/looped is published by {rospy.get_name()}, too', values['message'])
         self.assertEqual(values['level'], WARN)
+
+
+class TestLazyInput(unittest.TestCase):
+    """Subscribing fails: the thread that does it neither ends nor spins."""
+
+    def test_it_is_tried_again_less_and_less_often_and_the_reason_is_kept(self):
+        attempts, listeners = [], [1]
+
+        def subscribe():
+            attempts.append(1)
+            if len(attempts) < 4:
+                raise ConnectionRefusedError('no master')
+            return FakeSubscriber()
+
+        lazy = LazyInput(subscribe, lambda: listeners[0])
+        with unittest.mock.patch('rvc_features.nodes.lazy_input.time') as clock:
+            for second in range(30):
+                clock.monotonic.return_value = 1000.0 + second
+                lazy.update()
+                if second == 5:
+                    self.assertEqual(len(attempts), 3)   # at 0, 1 and 3 seconds
+                    self.assertEqual(lazy.problem, 'can not subscribe: ConnectionRefusedError: no master')
+        self.assertEqual(len(attempts), 4)
+        self.assertEqual(lazy.problem, '')
+        listeners[0] = 0
+        lazy.update()   # and what it raises when it is shut down does no harm
+        self.assertIsNone(lazy.subscriber)
+
+
+class FakeSubscriber:
+    def shutdown(self):
+        raise ConnectionRefusedError('no master')
 
 
 class TestProcesses(unittest.TestCase):
