@@ -1,0 +1,1 @@
+"""The course's examiner: what a student's detector or node does otherwise than the sheet, and which mistake that is."""

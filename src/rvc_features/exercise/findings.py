@@ -1,0 +1,242 @@
+"""From what was seen to the mistake: the hypothesis that explains it, and no other does."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+from dataclasses import dataclass
+from typing import Any, Callable, Iterator, Mapping, NamedTuple
+
+import numpy as np
+
+from rvc_features.exercise import mistakes_of_exercise_2  # noqa: F401  (fills the table)
+from rvc_features.exercise.mistakes import LEGAL, TABLE
+from rvc_features.exercise.questions import Probe, Question, questions
+from rvc_features.exercise.reference import Reference
+
+Seen = Mapping[str, Any]        # by the name of the question: what its `read` gave
+
+# What solutions are free to choose, the usual first.
+STYLES = tuple({'sobel': sobel, 'window': window, 'minimum_response': minimum, 'threshold_first': first}
+               for (minimum, first), window, sobel in itertools.product(
+                   ((10.0, False), (0.0, True), (0.0, False)), ('gaussian', 'box', 'narrow'), (True, False)))
+_OF_ONE_KIND = 6        # styles that differ in gradient and window only
+_MOST_BLENDS = 40
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One mistake; or several, where the images can't tell which of them it is."""
+
+    names: tuple[str, ...]
+    texts: tuple[str, ...]           # what each is, in one sentence
+    questions: tuple[str, ...]       # in which it shows
+
+    @property
+    def text(self) -> str:
+        """In one sentence."""
+        if len(self.texts) == 1:
+            return self.texts[0]
+        return 'one of these, which the images can\'t tell apart: ' + '; or '.join(self.texts)
+
+
+@dataclass(frozen=True)
+class Explanation:
+    """What there is to say about a solution."""
+
+    base: type[Reference]                    # the reference, with what the sheet allows
+    failed: tuple[str, ...]                  # questions, in order
+    findings: tuple[Finding, ...]
+    hinging: tuple[str, ...]                 # failed questions that a finding affects, though it doesn't explain them
+    unexplained: tuple[str, ...]
+
+
+class _Hypothesis(NamedTuple):
+    """A way to make a mistake, in the style of a solution, and the questions in which that shows."""
+
+    way: type[Reference]
+    detector: type[Reference]
+    shows: frozenset[str]
+
+
+def explain(seen: Seen, ask: Callable[[Question], Any]) -> Explanation:
+    """The mistakes in a solution; `ask` puts one more question, and gives None where it has no answer."""
+    base = min([Reference, *LEGAL], key=lambda legal: len(_failed(seen, legal)))    # of equals the first
+    failed = _failed(seen, base)
+    left, findings, hinging = list(failed), [], set()
+    while left:
+        chosen = _best(seen, base, left)
+        if not chosen:
+            break
+        shows = chosen[0].shows
+        findings.append(_finding(_decided(chosen, ask), [name for name in failed if name in shows]))
+        left = [name for name in left if name not in shows]
+    if len(left) == len(failed) > 1:
+        blended = _blend(seen, base, failed)
+        if blended:
+            findings, left = blended, []
+        else:
+            chosen = _of_exercise_1(seen, base, left)
+            if chosen:
+                findings = [_finding(_decided(chosen, ask), sorted(_agreeing(seen, chosen[0], left), key=failed.index))]
+                hinging = chosen[0].shows - set(findings[0].questions)
+                left = [name for name in left if name not in chosen[0].shows]
+    return Explanation(base, failed, tuple(findings), tuple(name for name in failed if name in hinging),
+                       tuple(left))
+
+
+def expected(question: Question, detector: type[Reference] = Reference) -> Any:
+    """What counts of the answers that a detector gives."""
+    return _expected(question.name, detector)
+
+
+@functools.lru_cache(maxsize=20000)
+def _expected(name: str, detector: type[Reference]) -> Any:
+    question = _by_name()[name]
+    return question.read(question.probes, [_answer(detector, probe) for probe in question.probes])
+
+
+def _answer(detector: type[Reference], probe: Probe) -> np.ndarray:
+    """What the detector finds; the candidates are kept, for most mistakes are made after them."""
+    made = detector(**probe.parameters)
+    steps = tuple((owner, name) for owner in detector.__mro__ for name in _STEPS_TO_CANDIDATES if name in vars(owner))
+    key = (steps, detector.window, detector.sobel, detector.minimum_response, detector.gradient_scale,
+           made.window_size, made.octaves, probe.scene.name)
+    if key not in _kept:
+        _kept[key] = made.all_candidates(probe.scene.image, probe.scene.mask)
+    return made.choose(_kept[key])
+
+
+_STEPS_TO_CANDIDATES = ('planes', 'gradients', 'averages', 'average', 'response', 'candidates', 'allowed', 'position',
+                        'size', 'angle')
+_kept: dict[tuple[Any, ...], np.ndarray] = {}
+
+
+@functools.lru_cache(maxsize=1)
+def _by_name() -> dict[str, Question]:
+    return {question.name: question for question in questions()}
+
+
+@functools.lru_cache(maxsize=20000)
+def _mixed(way: type[Reference], base: type[Reference], style: tuple[tuple[str, Any], ...]) -> type[Reference]:
+    """One detector with all of it: each overrides a step of its own."""
+    return type(way.__name__, (way,) if base is Reference else (way, base), {'__doc__': way.__doc__, **dict(style)})
+
+
+def _alike(name: str, seen: Any, detector: type[Reference]) -> bool:
+    return _by_name()[name].alike(seen, _expected(name, detector))
+
+
+def _failed(seen: Seen, detector: type[Reference]) -> tuple[str, ...]:
+    return tuple(name for name in seen if not _alike(name, seen[name], detector))
+
+
+def _in_styles(way: type[Reference], base: type[Reference]) -> Iterator[type[Reference]]:
+    """The way in each style and unit; which candidates there are matters little where H is wrong."""
+    of_response = any(step in vars(way) for step in ('averages', 'average', 'response'))
+    for style in STYLES[:_OF_ONE_KIND] if of_response else STYLES:
+        own = {key: value for key, value in style.items() if key not in vars(way)}
+        for unit in way.units:
+            detector = _mixed(way, base, tuple({**own, **unit}.items()))
+            # With a unit so small that nothing is found anywhere, many formulas are the same.
+            if not unit or _expected('smallest threshold', detector) != 'no points':
+                yield detector
+
+
+def _ways() -> Iterator[type[Reference]]:
+    return itertools.chain.from_iterable(TABLE.values())
+
+
+def _best(seen: Seen, base: type[Reference], left: list[str]) -> list[_Hypothesis]:
+    """Those that show in most of the questions left, and in each as it was seen; in no other question."""
+    found = []
+    explained = set(_failed(seen, base)).difference(left)     # by a mistake that was found before
+    for way in _ways():
+        best: _Hypothesis | None = None
+        for detector in _in_styles(way, base):
+            shows = _shows(seen, detector, base, left, explained)
+            if shows and (best is None or len(shows) > len(best.shows)):
+                best = _Hypothesis(way, detector, shows)
+                if len(shows) == len(left):
+                    break
+        if best is not None:
+            found.append(best)
+    most = max((len(hypothesis.shows) for hypothesis in found), default=0)
+    widest = [hypothesis for hypothesis in found if len(hypothesis.shows) == most]
+    return [hypothesis for hypothesis in widest if hypothesis.shows == widest[0].shows]
+
+
+def _shows(seen: Seen, detector: type[Reference], base: type[Reference], left: list[str],
+           explained: set[str]) -> frozenset[str] | None:
+    """The questions in which the mistake shows; None if it would show otherwise than was seen."""
+    shows = set()
+    for name in left:
+        if _alike(name, seen[name], detector):
+            shows.add(name)
+        elif not _same(name, base, detector):
+            return None
+    if not shows:
+        return None
+    for name in seen:
+        if name not in left and not _same(name, base, detector) and name not in explained:
+            return None
+    return frozenset(shows)
+
+
+def _same(name: str, one: type[Reference], other: type[Reference]) -> bool:
+    return _by_name()[name].alike(_expected(name, one), _expected(name, other))
+
+
+def _of_exercise_1(seen: Seen, base: type[Reference], left: list[str]) -> list[_Hypothesis]:
+    """Those that agree in all that was seen of exercise 1, and may differ in what builds on it.
+
+    How strong the points of a wrong response are beside one another depends on more than the sheet says.
+    """
+    first = [name for name in seen if _by_name()[name].exercise == 1 and name not in ('colour', 'mask')]
+    found = []
+    for way in _ways():
+        for detector in _in_styles(way, base):
+            if all(_alike(name, seen[name], detector) for name in first) and set(left) & set(first):
+                others = {name for name in left if not _same(name, base, detector)}
+                found.append(_Hypothesis(way, detector, frozenset(others)))
+                break
+    return found
+
+
+def _agreeing(seen: Seen, hypothesis: _Hypothesis, left: list[str]) -> set[str]:
+    return {name for name in left if _alike(name, seen[name], hypothesis.detector)}
+
+
+def _blend(seen: Seen, base: type[Reference], failed: tuple[str, ...]) -> list[Finding]:
+    """Two mistakes of different steps that explain together what neither does alone; none if there are two such."""
+    ways = []
+    for way in _ways():
+        agreeing = [name for name in failed if len(way.units) == 1 and _alike(name, seen[name], _mixed(way, base, ()))]
+        if agreeing:
+            ways.append(way)
+    explaining = {}
+    for one, other in itertools.islice(itertools.permutations(ways, 2), _MOST_BLENDS):
+        if one.name != other.name and not _failed(seen, _mixed(one, _mixed(other, base, ()), ())):
+            explaining.setdefault(frozenset((one.name, other.name)), (one, other))
+    if len(explaining) != 1:
+        return []
+    return [Finding((way.name,), (way.__doc__ or '',), failed) for way in next(iter(explaining.values()))]
+
+
+def _decided(chosen: list[_Hypothesis], ask: Callable[[Question], Any]) -> list[_Hypothesis]:
+    """Those that agree with the deciding questions too, if there are several."""
+    for question in _by_name().values():
+        if len({hypothesis.way.name for hypothesis in chosen}) < 2:
+            break
+        if question.decides and len({str(_expected(question.name, one.detector)) for one in chosen}) > 1:
+            seen = ask(question)
+            agreeing = [one for one in chosen if seen is not None and _alike(question.name, seen, one.detector)]
+            chosen = agreeing or chosen
+    return chosen
+
+
+def _finding(chosen: list[_Hypothesis], shows: list[str]) -> Finding:
+    texts: dict[str, str] = {}
+    for hypothesis in chosen:
+        texts.setdefault(hypothesis.way.name, ' '.join((hypothesis.way.__doc__ or '').split()))
+    return Finding(tuple(texts), tuple(texts.values()), tuple(shows))
