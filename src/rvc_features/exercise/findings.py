@@ -5,13 +5,13 @@ from __future__ import annotations
 import functools
 import itertools
 from dataclasses import dataclass
-from typing import Any, Callable, Iterator, Mapping, NamedTuple
+from typing import Any, Callable, Iterator, Mapping, NamedTuple, Sequence
 
 import numpy as np
 
 from rvc_features.exercise import mistakes_of_exercise_2  # noqa: F401  (fills the table)
 from rvc_features.exercise.mistakes import LEGAL, TABLE
-from rvc_features.exercise.questions import Probe, Question, questions
+from rvc_features.exercise.questions import FIRST, Probe, Question, questions
 from rvc_features.exercise.reference import Reference
 
 Seen = Mapping[str, Any]        # by the name of the question: what its `read` gave
@@ -64,25 +64,26 @@ def explain(seen: Seen, ask: Callable[[Question], Any]) -> Explanation:
     base = min([Reference, *LEGAL], key=lambda legal: len(_failed(seen, legal)))    # of equals the first
     failed = _failed(seen, base)
     left, findings, hinging = list(failed), [], set()
-    while left:
+    first = [name for name in failed if name in FIRST]
+    if first:
+        chosen = _best(seen, base, left, first) or _of_first(seen, base, left, first)
+        if chosen:
+            agreeing = [name for name in left if _alike(name, seen[name], chosen[0].detector)]
+            findings.append(_finding(_decided(chosen, ask), agreeing))
+            hinging.update(chosen[0].shows.difference(agreeing))
+        else:
+            findings = _blend(seen, base, failed)
+            hinging.update(left if not findings else ())
+            hinging.difference_update(first)
+        settled = {name for finding in findings for name in finding.questions} | hinging
+        left = [name for name in left if name not in settled]
+    while set(left).difference(first):
         chosen = _best(seen, base, left)
         if not chosen:
             break
-        shows = chosen[0].shows
-        findings.append(_finding(_decided(chosen, ask), [name for name in failed if name in shows]))
-        left = [name for name in left if name not in shows]
-    if len(left) == len(failed) > 1:
-        blended = _blend(seen, base, failed)
-        if blended:
-            findings, left = blended, []
-        else:
-            chosen = _of_exercise_1(seen, base, left)
-            if chosen:
-                findings = [_finding(_decided(chosen, ask), sorted(_agreeing(seen, chosen[0], left), key=failed.index))]
-                hinging = chosen[0].shows - set(findings[0].questions)
-                left = [name for name in left if name not in chosen[0].shows]
-    return Explanation(base, failed, tuple(findings), tuple(name for name in failed if name in hinging),
-                       tuple(left))
+        findings.append(_finding(_decided(chosen, ask), [name for name in failed if name in chosen[0].shows]))
+        left = [name for name in left if name not in chosen[0].shows]
+    return Explanation(base, failed, tuple(findings), tuple(name for name in failed if name in hinging), tuple(left))
 
 
 def expected(question: Question, detector: type[Reference] = Reference) -> Any:
@@ -100,7 +101,7 @@ def _answer(detector: type[Reference], probe: Probe) -> np.ndarray:
     """What the detector finds; the candidates are kept, for most mistakes are made after them."""
     made = detector(**probe.parameters)
     steps = tuple((owner, name) for owner in detector.__mro__ for name in _STEPS_TO_CANDIDATES if name in vars(owner))
-    key = (steps, detector.window, detector.sobel, detector.minimum_response, detector.gradient_scale,
+    key = (steps, detector.window, getattr(detector, 'trace_weight', None), detector.sobel, detector.minimum_response,
            made.window_size, made.octaves, probe.scene.name)
     if key not in _kept:
         _kept[key] = made.all_candidates(probe.scene.image, probe.scene.mask)
@@ -147,15 +148,19 @@ def _ways() -> Iterator[type[Reference]]:
     return itertools.chain.from_iterable(TABLE.values())
 
 
-def _best(seen: Seen, base: type[Reference], left: list[str]) -> list[_Hypothesis]:
-    """Those that show in most of the questions left, and in each as it was seen; in no other question."""
+def _best(seen: Seen, base: type[Reference], left: list[str], must: Sequence[str] = ()) -> list[_Hypothesis]:
+    """Those that show in most of the questions left, and in each as it was seen; in no other question.
+
+    Where no question `must` be among them, mistakes that would show in the first questions are not considered.
+    """
     found = []
-    explained = set(_failed(seen, base)).difference(left)     # by a mistake that was found before
     for way in _ways():
         best: _Hypothesis | None = None
         for detector in _in_styles(way, base):
-            shows = _shows(seen, detector, base, left, explained)
-            if shows and (best is None or len(shows) > len(best.shows)):
+            shows = _shows(seen, detector, base, left)
+            if not shows or not shows.issuperset(must) or (best is not None and len(shows) <= len(best.shows)):
+                continue
+            if must or all(_same(name, base, detector) for name in FIRST):
                 best = _Hypothesis(way, detector, shows)
                 if len(shows) == len(left):
                     break
@@ -166,8 +171,8 @@ def _best(seen: Seen, base: type[Reference], left: list[str]) -> list[_Hypothesi
     return [hypothesis for hypothesis in widest if hypothesis.shows == widest[0].shows]
 
 
-def _shows(seen: Seen, detector: type[Reference], base: type[Reference], left: list[str],
-           explained: set[str]) -> frozenset[str] | None:
+def _shows(seen: Seen, detector: type[Reference], base: type[Reference], left: list[str]
+           ) -> frozenset[str] | None:
     """The questions in which the mistake shows; None if it would show otherwise than was seen."""
     shows = set()
     for name in left:
@@ -178,7 +183,7 @@ def _shows(seen: Seen, detector: type[Reference], base: type[Reference], left: l
     if not shows:
         return None
     for name in seen:
-        if name not in left and not _same(name, base, detector) and name not in explained:
+        if name not in left and _alike(name, seen[name], base) and not _same(name, base, detector):
             return None
     return frozenset(shows)
 
@@ -187,24 +192,19 @@ def _same(name: str, one: type[Reference], other: type[Reference]) -> bool:
     return _by_name()[name].alike(_expected(name, one), _expected(name, other))
 
 
-def _of_exercise_1(seen: Seen, base: type[Reference], left: list[str]) -> list[_Hypothesis]:
-    """Those that agree in all that was seen of exercise 1, and may differ in what builds on it.
+def _of_first(seen: Seen, base: type[Reference], left: list[str], first: list[str]) -> list[_Hypothesis]:
+    """Those that agree in the first questions, and may differ in what builds on them.
 
     How strong the points of a wrong response are beside one another depends on more than the sheet says.
     """
-    first = [name for name in seen if _by_name()[name].exercise == 1 and name not in ('colour', 'mask')]
     found = []
     for way in _ways():
         for detector in _in_styles(way, base):
-            if all(_alike(name, seen[name], detector) for name in first) and set(left) & set(first):
-                others = {name for name in left if not _same(name, base, detector)}
+            if all(_alike(name, seen[name], detector) for name in (*first, *FIRST) if name in seen):
+                others = [name for name in left if not _same(name, base, detector)]
                 found.append(_Hypothesis(way, detector, frozenset(others)))
                 break
     return found
-
-
-def _agreeing(seen: Seen, hypothesis: _Hypothesis, left: list[str]) -> set[str]:
-    return {name for name in left if _alike(name, seen[name], hypothesis.detector)}
 
 
 def _blend(seen: Seen, base: type[Reference], failed: tuple[str, ...]) -> list[Finding]:

@@ -18,7 +18,7 @@ TABLE: dict[str, list[type[Reference]]] = {}      # the ways to make each mistak
 LEGAL: list[type[Reference]] = []                 # what differs from the reference without being a mistake
 
 # Where H has a unit, what is found depends on it: on what grey values, gradients or H itself are multiplied by.
-_SCALES = [{'gradient_scale': scale} for scale in (1.0, 1 / 2, 1 / 4, 1 / 8, 1 / 255, 1 / (2 * 255), 1 / (8 * 255), 4.0)]
+_WEIGHTS = [{'trace_weight': 2.0 ** (exponent / 2)} for exponent in range(0, 48)]     # of the trace beside its square
 _UNITS = [{'response_unit': 2.0 ** exponent} for exponent in range(-16, 52)]
 
 
@@ -42,20 +42,14 @@ def no_mistake(name: str) -> Callable[[type[Reference]], type[Reference]]:
 
 # ---- Exercise 1: the response ----
 
-@mistake('trace not squared', _SCALES)
+@mistake('trace not squared', _WEIGHTS)
 class TraceNotSquared(Reference):
-    """the trace is not squared: H = AC - B^2 - k (A + C), which is positive along edges as well"""
+    """the trace is not squared: H = AC - B^2 - k (A + C), with or without the k; it is positive along edges as well"""
+
+    trace_weight = 1.0
 
     def response(self, a, b, c):
-        return a * c - b * b - K * (a + c)
-
-
-@mistake('trace not squared', _SCALES[:5])
-class TraceNotSquaredNorWeighed(Reference):
-    """the trace is not squared, and k is thrown away: H = AC - B^2 - (A + C)"""
-
-    def response(self, a, b, c):
-        return a * c - b * b - (a + c)
+        return a * c - b * b - K * self.trace_weight * (a + c)
 
 
 @mistake('k forgotten')
@@ -66,12 +60,20 @@ class TraceForgotten(Reference):
         return a * c - b * b
 
 
-@mistake('k forgotten')
+@mistake('k forgotten or nothing averaged')
 class TraceNotWeighed(Reference):
-    """k is forgotten: H = AC - B^2 - (A + C)^2, which is positive nowhere"""
+    """H is positive nowhere: k is forgotten, H = AC - B^2 - (A + C)^2, or A, B and C are not averaged"""
 
     def response(self, a, b, c):
         return a * c - b * b - (a + c) ** 2
+
+
+@mistake('k of wrong sign')
+class MoreTraceAdded(Reference):
+    """k has the wrong sign: H = AC - B^2 + k (A + C)^2, which is large along edges"""
+
+    def response(self, a, b, c):
+        return a * c - b * b + 0.06 * (a + c) ** 2
 
 
 @mistake('k of wrong sign')
@@ -98,28 +100,12 @@ class GradientsAveraged(Reference):
         return self.average(i_x * i_x), self.average(i_x) * self.average(i_y), self.average(i_y * i_y)
 
 
-@mistake('B forgotten or of wrong sign')
+@mistake('B not averaged or forgotten')
 class ProductForgotten(Reference):
-    """B is forgotten: H = AC - k (A + C)^2, which is large along diagonal edges"""
+    """B is not averaged (or summed) over the window as A and C are, or forgotten: H is large along diagonal edges"""
 
     def response(self, a, b, c):
         return a * c - K * (a + c) ** 2
-
-
-@mistake('B forgotten or of wrong sign')
-class ProductAdded(Reference):
-    """B^2 is added instead of subtracted: H = AC + B^2 - k (A + C)^2, which is large along diagonal edges"""
-
-    def response(self, a, b, c):
-        return a * c + b * b - K * (a + c) ** 2
-
-
-@mistake('no averaging')
-class NothingAveraged(Reference):
-    """A, B and C are not averaged over the window: AC - B^2 is then zero everywhere, and H positive nowhere"""
-
-    def average(self, values):
-        return values
 
 
 @mistake('gradients of a colour image')
@@ -156,6 +142,16 @@ class Swapped(Reference):
         return super().position(y, x, octave)
 
 
+@mistake('x and y swapped')
+class SwappedBeforeMasking(Swapped):
+    """x and y are swapped: pt is (row, column) instead of (column, row)"""
+
+    def allowed(self, mask, x, y):
+        if mask is None:
+            return super().allowed(mask, x, y)
+        return mask[np.minimum(x, mask.shape[0] - 1), np.minimum(y, mask.shape[1] - 1)] != 0
+
+
 @mistake('no local maxima')
 class EveryPixel(Reference):
     """no local maxima are taken: every pixel above the threshold is a key point, so that they come in clumps"""
@@ -173,14 +169,6 @@ class ThresholdAbsolute(Reference):
         return self.threshold * self.response_unit
 
 
-@mistake('threshold ignored')
-class ThresholdIgnored(Reference):
-    """the threshold has no effect"""
-
-    def cut(self, candidates):
-        return 0.0
-
-
 @mistake('threshold absolute', _UNITS)
 class ThresholdAbsoluteAlone(ThresholdAbsolute):
     """the threshold is absolute instead of relative to H_max: H > threshold"""
@@ -188,11 +176,22 @@ class ThresholdAbsoluteAlone(ThresholdAbsolute):
     minimum_response = 0.0
 
 
-@mistake('threshold ignored')
-class ThresholdIgnoredAlone(ThresholdIgnored):
+@mistake('threshold absolute', _UNITS)
+class ThresholdAbsoluteBesideMinimum(ThresholdAbsoluteAlone):
+    """the threshold is absolute instead of relative to H_max: H > threshold"""
+
+    def cut(self, candidates):
+        return max(10.0, self.threshold) * self.response_unit
+
+
+@mistake('threshold ignored', ({'response_unit': 0.0}, *_UNITS))
+class ThresholdIgnored(Reference):
     """the threshold has no effect"""
 
     minimum_response = 0.0
+
+    def cut(self, candidates):
+        return 10.0 * self.response_unit
 
 
 @mistake('mask ignored')
@@ -283,3 +282,11 @@ class StrongestLost(Reference):
 
     def strongest(self, candidates):
         return candidates[filters.strongest(candidates['response'], self.number_of_points + 1)][1:]
+
+
+@mistake('the strongest lost')
+class FirstLost(Reference):
+    """the strongest point is lost: the first of the sorted points is left out"""
+
+    def strongest(self, candidates):
+        return super().strongest(candidates)[1:]

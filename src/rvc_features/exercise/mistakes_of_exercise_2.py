@@ -87,6 +87,14 @@ class RadiiInReadingOrderOfStronger(Reference):
 
 
 @mistake('ANMS on unsorted points')
+class FirstInReadingOrderOfStronger(RadiiInReadingOrderOfStronger):
+    """ANMS works on unsorted points: each is compared only with those before it, and stronger ones come after"""
+
+    def spread(self, candidates):
+        return candidates[np.argsort(-self.radii(candidates), kind='stable')[:self.anms_points]]
+
+
+@mistake('ANMS on unsorted points')
 class RadiiUnsorted(Reference):
     """ANMS returns the points unsorted by radius: the first ones of the list, not those of largest radius"""
 
@@ -103,9 +111,9 @@ class RobustnessOnTheWrongSide(Reference):
         return (ROBUSTNESS * strength[:, None] < strength) & others
 
 
-@mistake('c_r forgotten')
-class RobustnessForgotten(Reference):
-    """c_r is forgotten: f_i < f_j instead of f_i < c_r f_j"""
+@mistake('c_r on the wrong side or forgotten')
+class AnyStrongerSuppresses(Reference):
+    """c_r is on the wrong side, or forgotten: any stronger point suppresses, instead of those with f_i < c_r f_j"""
 
     def suppresses(self, strength):
         return strength[:, None] < strength

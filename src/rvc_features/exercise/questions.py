@@ -14,6 +14,7 @@ import numpy as np
 from rvc_features.exercise import scenes
 from rvc_features.exercise.scenes import BETWEEN, Scene
 
+FIRST = ('corners', 'edges', 'threshold', 'window')      # what all other questions build on
 PARAMETERS = ('window_size', 'threshold', 'fixed_number_of_points', 'number_of_points', 'octaves', 'anms',
               'anms_points')
 USUAL = {'window_size': 3, 'threshold': 0.05, 'fixed_number_of_points': False, 'number_of_points': 500, 'octaves': 1,

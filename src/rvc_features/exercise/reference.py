@@ -23,14 +23,13 @@ _ORIENTATION_SIGMA = 2.5
 class Reference:
     """A Harris detector with the sheet's parameters.
 
-    The class attributes are what the sheet leaves open. Solutions scale gradients (Sobel by 1/8, grey values from 0 to
-    1), weigh the window, and drop noise as they like. That changes no point that counts, unless a mistake is in.
+    The class attributes are what the sheet leaves open: solutions take gradients, weigh the window and drop noise as
+    they like. That changes no point that counts, unless a mistake is in.
     """
 
-    gradient_scale = 1.0
     sobel = True                    # or central differences
     window = 'gaussian'             # or 'box', or 'narrow': a Gaussian of a sixth of the window
-    minimum_response = 10.0         # with unscaled gradients
+    minimum_response = 10.0
     threshold_first = False         # whether the other two filters get only what is above the threshold
     response_unit = 1.0             # of the response, where a threshold is compared with it
 
@@ -66,7 +65,7 @@ class Reference:
     def harris_corners(self, planes: Sequence[np.ndarray], octave: int, mask: np.ndarray | None) -> np.ndarray:
         """Candidates of one octave, in reading order."""
         h = sum(self.response(*self.averages(*self.gradients(plane))) for plane in planes)
-        x, y = self.candidates(h.astype(np.float32), self.minimum_response * self.gradient_scale ** 4)
+        x, y = self.candidates(h.astype(np.float32), self.minimum_response)
         allowed = self.allowed(mask, x, y)
         x, y = x[allowed], y[allowed]
         found = key_points.empty(len(x))
@@ -78,7 +77,7 @@ class Reference:
 
     def gradients(self, plane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """I_x and I_y."""
-        values = plane.astype(np.float64) * self.gradient_scale
+        values = plane.astype(np.float64)
         if not self.sobel:
             i_y, i_x = np.gradient(values)
             return i_x, i_y
