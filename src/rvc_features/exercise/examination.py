@@ -11,7 +11,7 @@ from rvc_features.exercise import findings, scenes
 from rvc_features.exercise.findings import Explanation
 from rvc_features.exercise.mistakes import LEGAL
 from rvc_features.exercise.mistakes_of_exercise_2 import NoAngle
-from rvc_features.exercise.questions import PARAMETERS, Probe, Question, questions
+from rvc_features.exercise.questions import FIRST, PARAMETERS, Probe, Question, questions
 from rvc_features.exercise.reference import Reference
 from rvc_features.exercise.subject import Answer
 
@@ -109,7 +109,7 @@ class _Examiner:
     def _check(self, question: Question, seen: Mapping[str, Any], explanation: Explanation) -> Check:
         name = question.name
         if name not in seen:
-            return self._unanswered(question)
+            return self._unanswered(question, explanation)
         if name == 'orientation' and explanation.base is NoAngle:
             return Check(name, NOT_TESTED, 'no angle is given (-1)')
         if name not in explanation.failed:
@@ -126,7 +126,7 @@ class _Examiner:
         return Check(name, FAILED, f'{differs}; expected: {question.asks}; no mistake that is known here explains it', (),
                      *picture)
 
-    def _unanswered(self, question: Question) -> Check:
+    def _unanswered(self, question: Question, explanation: Explanation) -> Check:
         missing = [name for name in question.needs if name not in self.subject.takes]
         if missing:
             return Check(question.name, NOT_TESTED, f'it doesn\'t take {", ".join(missing)}')
@@ -136,6 +136,8 @@ class _Examiner:
         earlier = [check for check in self.result.checks if answer.trouble in check.sentence]
         if earlier:
             return Check(question.name, NOT_TESTED, f'the same as in "{earlier[0].name}"')
+        if set(explanation.failed).intersection(FIRST):
+            return Check(question.name, NOT_TESTED, f'hinges on what was found above: {answer.trouble}')
         if question.name == 'colour' and self._works('corners'):
             if answer.meant:
                 return Check(question.name, NOT_TESTED, f'it takes no colour image: {answer.trouble}')

@@ -17,10 +17,11 @@ from rvc_features.exercise.reference import Reference
 Seen = Mapping[str, Any]        # by the name of the question: what its `read` gave
 
 # What solutions are free to choose, the usual first.
-STYLES = tuple({'sobel': sobel, 'window': window, 'minimum_response': minimum, 'threshold_first': first}
-               for (minimum, first), window, sobel in itertools.product(
-                   ((10.0, False), (0.0, True), (0.0, False)), ('gaussian', 'box', 'narrow'), (True, False)))
-_OF_ONE_KIND = 6        # styles that differ in gradient and window only
+_FILTERS = tuple({'sobel': sobel, 'window': window, 'neighbourhood': neighbourhood}
+                 for neighbourhood, window, sobel in itertools.product((3, 7), ('gaussian', 'box', 'narrow'),
+                                                                       (True, False)))
+_STYLES = tuple({**chosen, **kind} for kind in ({}, {'minimum_response': 0.0, 'threshold_first': True},
+                                                {'minimum_response': 0.0}) for chosen in _FILTERS[:6])
 _MOST_BLENDS = 40
 
 
@@ -68,6 +69,7 @@ def explain(seen: Seen, ask: Callable[[Question], Any]) -> Explanation:
     if first:
         chosen = _best(seen, base, left, first) or _of_first(seen, base, left, first)
         if chosen:
+            chosen = chosen + _others_of_first(seen, base, chosen, failed)
             agreeing = [name for name in left if _alike(name, seen[name], chosen[0].detector)]
             findings.append(_finding(_decided(chosen, ask), agreeing))
             hinging.update(chosen[0].shows.difference(agreeing))
@@ -83,6 +85,9 @@ def explain(seen: Seen, ask: Callable[[Question], Any]) -> Explanation:
             break
         findings.append(_finding(_decided(chosen, ask), [name for name in failed if name in chosen[0].shows]))
         left = [name for name in left if name not in chosen[0].shows]
+    if set(findings[0].questions if findings else ()).intersection(first):
+        hinging.update(left)
+        left = []
     return Explanation(base, failed, tuple(findings), tuple(name for name in failed if name in hinging), tuple(left))
 
 
@@ -102,6 +107,7 @@ def _answer(detector: type[Reference], probe: Probe) -> np.ndarray:
     made = detector(**probe.parameters)
     steps = tuple((owner, name) for owner in detector.__mro__ for name in _STEPS_TO_CANDIDATES if name in vars(owner))
     key = (steps, detector.window, getattr(detector, 'trace_weight', None), detector.sobel, detector.minimum_response,
+           detector.neighbourhood,
            made.window_size, made.octaves, probe.scene.name)
     if key not in _kept:
         _kept[key] = made.all_candidates(probe.scene.image, probe.scene.mask)
@@ -135,7 +141,7 @@ def _failed(seen: Seen, detector: type[Reference]) -> tuple[str, ...]:
 def _in_styles(way: type[Reference], base: type[Reference]) -> Iterator[type[Reference]]:
     """The way in each style and unit; which candidates there are matters little where H is wrong."""
     of_response = any(step in vars(way) for step in ('averages', 'average', 'response'))
-    for style in STYLES[:_OF_ONE_KIND] if of_response else STYLES:
+    for style in _FILTERS if of_response else _STYLES:
         own = {key: value for key, value in style.items() if key not in vars(way)}
         for unit in way.units:
             detector = _mixed(way, base, tuple({**own, **unit}.items()))
@@ -204,6 +210,24 @@ def _of_first(seen: Seen, base: type[Reference], left: list[str], first: list[st
                 others = [name for name in left if not _same(name, base, detector)]
                 found.append(_Hypothesis(way, detector, frozenset(others)))
                 break
+    return found
+
+
+def _others_of_first(seen: Seen, base: type[Reference], chosen: list[_Hypothesis], failed: Sequence[str]
+                     ) -> list[_Hypothesis]:
+    """Other mistakes that agree in each of the first questions in some style, though perhaps not in one for all.
+
+    They are sought only where all that is chosen has a unit that was fitted: that explains much.
+    """
+    if not all(any(hypothesis.way.units) for hypothesis in chosen):
+        return []
+    names, found = {hypothesis.way.name for hypothesis in chosen}, []
+    for way in _ways():
+        detectors = () if way.name in names or any(way.units) else tuple(_in_styles(way, base))
+        if detectors and all(any(_alike(name, seen[name], detector) for detector in detectors)
+                             for name in FIRST if name in seen):
+            if all(_same(name, base, detectors[0]) for name in seen if name not in failed):
+                found.append(_Hypothesis(way, detectors[0], chosen[0].shows))
     return found
 
 

@@ -276,6 +276,17 @@ class StrongestLast(Reference):
         return super().strongest(candidates)[::-1]
 
 
+@mistake('sorted the wrong way round')
+class EverythingWeakestFirst(WeakestFirst):
+    """the points are sorted the wrong way round, weakest first, and all that builds on their order goes wrong"""
+
+    def cut(self, candidates):
+        return self.threshold * float(candidates['response'].min(initial=np.inf))
+
+    def spread(self, candidates):
+        return candidates[filters.strongest(-candidates['response'], self.anms_points)]
+
+
 @mistake('the strongest lost')
 class StrongestLost(Reference):
     """the strongest point is lost: the fixed number begins with the second"""

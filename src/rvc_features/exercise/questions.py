@@ -12,7 +12,7 @@ from typing import Any, Callable, Iterable, Mapping, Sequence
 import numpy as np
 
 from rvc_features.exercise import scenes
-from rvc_features.exercise.scenes import BETWEEN, Scene
+from rvc_features.exercise.scenes import BETWEEN, ELSEWHERE, Scene
 
 FIRST = ('corners', 'edges', 'threshold', 'window')      # what all other questions build on
 PARAMETERS = ('window_size', 'threshold', 'fixed_number_of_points', 'number_of_points', 'octaves', 'anms',
@@ -58,6 +58,11 @@ def places(probes: Sequence[Probe], answers: Answers) -> tuple[frozenset[str], .
     return tuple(frozenset(probe.scene.sites_of(points)) - {BETWEEN} for probe, points in zip(probes, answers))
 
 
+def named_places(probes: Sequence[Probe], answers: Answers) -> tuple[frozenset[str], ...]:
+    """The same, without what lies elsewhere."""
+    return tuple(found - {ELSEWHERE} for found in places(probes, answers))
+
+
 def places_in_order(probes: Sequence[Probe], answers: Answers) -> tuple[tuple[str, ...], ...]:
     """For each probe the place of each point."""
     return tuple(tuple(probe.scene.sites_of(points)) for probe, points in zip(probes, answers))
@@ -95,10 +100,12 @@ def octaves_and_sizes(probes: Sequence[Probe], answers: Answers) -> frozenset[tu
 
 
 def angles(probes: Sequence[Probe], answers: Answers) -> dict[str, float]:
-    """The angle at each place, of the first point there."""
+    """The angle at each place, of the strongest point there."""
     found: dict[str, float] = {}
-    for place, angle in zip(probes[0].scene.sites_of(answers[0]), answers[0]['angle'].tolist()):
-        found.setdefault(place, angle)
+    points = answers[0][np.argsort(-answers[0]['response'], kind='stable')]
+    for place, angle in zip(probes[0].scene.sites_of(points), points['angle'].tolist()):
+        if place != ELSEWHERE:
+            found.setdefault(place, angle)
     return found
 
 
@@ -123,11 +130,14 @@ def whether_different(probes: Sequence[Probe], answers: Answers) -> bool:
     return first != second
 
 
-def whether_proportional(probes: Sequence[Probe], answers: Answers) -> str:
-    """Whether the response grows as the fourth power of the contrast, as every term of the right H does."""
+def whether_proportional(probes: Sequence[Probe], answers: Answers) -> str | None:
+    """Whether the response grows as the fourth power of the contrast, as every term of the right H does.
+
+    None where it can't be known, as of responses that are divided by the largest.
+    """
     strongest = [float(points['response'].max(initial=0)) for points in answers]
     if not all(strength > 0 for strength in strongest) or strongest[0] == strongest[1]:
-        return 'unknown'
+        return None
     gains = [float(probe.scene.image.max()) for probe in probes]
     ratio = strongest[1] / strongest[0] / (gains[1] / gains[0]) ** 4
     return 'as the fourth power' if abs(ratio - 1) < 2e-4 else 'otherwise'
@@ -201,11 +211,12 @@ def questions() -> tuple[Question, ...]:
         Question('corners', 'a right angle has one key point, at (x, y)', 1,
                  (Probe(scenes.corners(), {'threshold': 0.1}),), places_and_clumps, tell_clumps),
         Question('edges', 'H is positive at corners, not along edges', 1,
-                 (Probe(scenes.edges()), Probe(scenes.edges(), {'threshold': 0.35})), places, tell_places),
+                 tuple(Probe(scenes.edges(), {'threshold': threshold}) for threshold in (0.05, 0.25, 0.35)), places,
+                 tell_places),
         Question('threshold', 'points are those above threshold * H_max, whatever the brightness', 1,
                  tuple(Probe(scenes.strengths(gain), {'threshold': threshold})
                        for gain, threshold in ((1.0, 0.3), (1.0, 0.03), (0.25, 0.3), (0.25, 0.01))),
-                 places, tell_places, needs=('threshold',)),
+                 named_places, tell_places, needs=('threshold',)),
         Question('window', 'window_size is the side of the window that is averaged over', 1,
                  (Probe(scenes.strengths()), Probe(scenes.strengths(), {'window_size': 9})),
                  whether_different, tell_difference, needs=('window_size',)),

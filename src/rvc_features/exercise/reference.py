@@ -29,6 +29,7 @@ class Reference:
 
     sobel = True                    # or central differences
     window = 'gaussian'             # or 'box', or 'narrow': a Gaussian of a sixth of the window
+    neighbourhood = 3               # pixels in which a local maximum is the largest
     minimum_response = 10.0
     threshold_first = False         # whether the other two filters get only what is above the threshold
     response_unit = 1.0             # of the response, where a threshold is compared with it
@@ -101,7 +102,9 @@ class Reference:
 
     def candidates(self, h: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
         """x and y of local maxima, pixels of the octave."""
-        return maxima.reference_local_maxima(h, minimum)
+        x, y = maxima.reference_local_maxima(h, minimum)
+        largest = cv2.dilate(h, np.ones((self.neighbourhood, self.neighbourhood), np.uint8))[y, x] <= h[y, x]
+        return x[largest], y[largest]
 
     def allowed(self, mask: np.ndarray | None, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Which of the pixels the mask lets through."""

@@ -85,7 +85,7 @@ def edges() -> Scene:
     parts = {}
     for number, turned in enumerate(np.radians(np.arange(0, 360, 45))):
         kind = ('the straight parts of the edge', 'the diagonal parts of the edge')[number % 2]
-        parts[f'{kind}|{number}'] = Site(x + radius * np.cos(turned), y + radius * np.sin(turned), 9)
+        parts[f'{kind}|{number}'] = Site(x + radius * np.cos(turned), y + radius * np.sin(turned), 11)
     return Scene('edges', _finished(_drops(shape, [(20, 24, 225, 200)]) + disc),
                  {'the corner': Site(20, 24), 'the round back of the drop': Site(29, 33, 14), **parts, BETWEEN: Site(x, y, radius + 8)})
 
