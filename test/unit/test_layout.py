@@ -22,13 +22,14 @@ MAY_IMPORT = {
     'nodes': {'top', 'kernels', 'image_transport', 'recordings', 'comparison'},
     'demo': {'top', 'image_transport', 'recordings'},
     'windows': {'top', 'nodes'},
+    'exercise': {'top', 'image_transport'},
 }
 # Modules that work where no ROS is installed.
 WITHOUT_ROS = {'kernels', 'top', 'still_images', 'comparison', 'recordings.image_sources',
                'recordings.file_times', 'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config',
                'nodes.sliders', 'nodes.newest_worker', 'nodes.settings', 'nodes.statistics',
                'nodes.diagnostics', 'nodes.detector_modules',
-               'windows.panel', 'windows.ranges'}
+               'windows.panel', 'windows.ranges', 'exercise'}
 TOP_WITH_ROS = {'reconfigure'}
 MOST_LINES = 320
 

@@ -27,7 +27,7 @@ _MOST_POINTS = 20000     # are handed on; no image has as many corners
 _USUAL_NAME = 'HarrisDetector'
 
 
-class Unusable(Exception):
+class UnusableError(Exception):
     """What is named can't be used; the text says why."""
 
 
@@ -37,10 +37,11 @@ def load(target: str) -> Callable[..., Any]:
     if place.endswith('.py'):
         path = Path(place).resolve()
         if not path.is_file():
-            raise Unusable(f'there is no file {place}')
+            raise UnusableError(f'there is no file {place}')
         sys.path.insert(0, str(path.parent))
         specification = importlib.util.spec_from_file_location(path.stem, path)
-        assert specification is not None and specification.loader is not None
+        assert specification is not None
+        assert specification.loader is not None
         module = importlib.util.module_from_spec(specification)
         sys.modules[path.stem] = module
         specification.loader.exec_module(module)
@@ -51,12 +52,14 @@ def load(target: str) -> Callable[..., Any]:
         found: Any = module
         for part in name.split('.'):
             if not hasattr(found, part):
-                raise Unusable(f'{place} has no {name}; it has {", ".join(_own_names(module)) or "nothing of its own"}')
+                own = ', '.join(_own_names(module)) or 'nothing of its own'
+                raise UnusableError(f'{place} has no {name}; it has {own}')
             found = getattr(found, part)
     else:
         found = _only_detector(module, place)
     if not callable(found):
-        raise Unusable(f'{target} must be a class or a function that makes a detector; it is {type(found).__name__}')
+        raise UnusableError(f'{target} must be a class, or a function that makes a detector; it is '
+                            f'{type(found).__name__}')
     return found
 
 
@@ -72,7 +75,7 @@ def _only_detector(module: Any, place: str) -> Any:
     classes = [value for value in vars(module).values() if inspect.isclass(value) and hasattr(value, 'detect')
                and value.__module__ == module.__name__]
     if len(classes) != 1:
-        raise Unusable(f'{place} has {len(classes)} classes with a method detect; give one as {place}:name')
+        raise UnusableError(f'{place} has {len(classes)} classes with a method detect; give one as {place}:name')
     return classes[0]
 
 
@@ -98,7 +101,7 @@ class Submission:
         """What one detector finds in the last of the images, having seen those before it."""
         detector = self.make(**parameters)
         if not callable(getattr(detector, 'detect', None)):
-            raise Unusable(f'{type(detector).__name__} has no method detect')
+            raise UnusableError(f'{type(detector).__name__} has no method detect')
         answers = []
         for image in images:
             given, given_mask = image.copy(), None if mask is None else mask.copy()
@@ -106,8 +109,8 @@ class Submission:
             if given_mask is not None and not _takes_mask(detector.detect):
                 return {'no_mask': True}
             answer = points_of(detector.detect(given, *with_mask))
-            answer['changed'] = not np.array_equal(given, image) or (
-                given_mask is not None and not np.array_equal(given_mask, mask))
+            answer['changed'] = not np.array_equal(given, image) or not (
+                mask is None or given_mask is None or np.array_equal(given_mask, mask))
             answers.append(answer)
         return {**answers[-1], 'changed': any(answer['changed'] for answer in answers)}
 
@@ -188,10 +191,10 @@ def _answer(submission: Submission, request: dict[str, Any]) -> dict[str, Any]:
 def main() -> None:
     """Answer until there is no more to answer."""
     replies, requests = os.fdopen(os.dup(1), 'w'), os.fdopen(os.dup(0))
-    printed = tempfile.TemporaryFile()
+    printed = tempfile.TemporaryFile()   # noqa: SIM115  (as long as the process)
     os.dup2(printed.fileno(), 1)
     os.dup2(os.open(os.devnull, os.O_RDONLY), 0)
-    sys.stdin = open(os.devnull)
+    sys.stdin = open(os.devnull)         # noqa: SIM115
     told = 0
 
     def reply(answer: dict[str, Any]) -> None:
@@ -205,7 +208,7 @@ def main() -> None:
 
     try:
         submission = Submission(sys.argv[1])
-    except Unusable as error:
+    except UnusableError as error:
         reply({'unusable': str(error)})
         return
     except BaseException as error:       # whatever a student's file does
@@ -215,7 +218,7 @@ def main() -> None:
     for line in requests:
         try:
             reply(_answer(submission, json.loads(line)))
-        except Unusable as error:
+        except UnusableError as error:
             reply({'unusable': str(error)})
         except BaseException as error:   # whatever a student's class does, sys.exit included
             reply(raised(error))

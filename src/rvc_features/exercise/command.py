@@ -14,7 +14,7 @@ from typing import Any, Sequence
 
 from rvc_features.exercise import pictures
 from rvc_features.exercise.examination import FAILED, PASSED, Examination, examine
-from rvc_features.exercise.subject import CannotRun, ClassSubject
+from rvc_features.exercise.subject import CannotRunError, ClassSubject
 
 CANNOT_RUN = 2           # exit status, as argparse's own
 _SECONDS = 8.0           # limit for one image
@@ -35,7 +35,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 examinations = [_report(examination, given) for examination in running]
         if given.json:
             Path(given.json).write_text(json.dumps([_as_dict(one) for one in examinations], indent=1) + '\n')
-    except CannotRun as error:
+    except CannotRunError as error:
         print(f'{parser.prog}: {error}', file=sys.stderr)
         return CANNOT_RUN
     except OSError as error:
@@ -82,7 +82,7 @@ def _submissions(folder: str | None, name: str | None) -> list[str]:
         return []
     root = Path(folder)
     if not root.is_dir():
-        raise CannotRun(f'{folder} is no folder')
+        raise CannotRunError(f'{folder} is no folder')
     found = []
     for path in sorted(root.iterdir()):
         if path.name.startswith(('_', '.')):
@@ -92,7 +92,7 @@ def _submissions(folder: str | None, name: str | None) -> list[str]:
         elif path.is_dir():
             found.append(str(_detector_file(path) or path))
     if not found:
-        raise CannotRun(f'{folder} has no submission: no file *.py, no sub-folder')
+        raise CannotRunError(f'{folder} has no submission: no file *.py, no sub-folder')
     return [f'{path}:{name}' if name and path.endswith('.py') else path for path in found]
 
 
@@ -108,9 +108,9 @@ def _detector_file(folder: Path) -> Path | None:
 def _examine_class(target: str, given: argparse.Namespace) -> Examination:
     try:
         if Path(target).is_dir():
-            raise CannotRun(f'{target} has no file with a class HarrisDetector or a method detect')
+            raise CannotRunError(f'{target} has no file with a class HarrisDetector or a method detect')
         subject = ClassSubject(target, given.seconds)
-    except CannotRun as error:
+    except CannotRunError as error:
         return Examination(target, cannot_run=str(error))
     try:
         return examine(subject, given.exercise)

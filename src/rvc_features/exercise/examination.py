@@ -123,8 +123,8 @@ class _Examiner:
             return Check(name, FAILED, f'{differs}; {looks}', finding.names, *picture)
         if name in explanation.hinging:
             return Check(name, NOT_TESTED, f'hinges on what was found above ({differs})')
-        return Check(name, FAILED, f'{differs}; expected: {question.asks}; no mistake that is known here explains it', (),
-                     *picture)
+        sentence = f'{differs}; expected: {question.asks}; no mistake that is known here explains it'
+        return Check(name, FAILED, sentence, (), *picture)
 
     def _unanswered(self, question: Question, explanation: Explanation) -> Check:
         missing = [name for name in question.needs if name not in self.subject.takes]
@@ -152,6 +152,7 @@ class _Examiner:
         """The first probe whose answer differs from the expected one, and both."""
         pairs = []
         for probe, answer in zip(question.probes, self.answers[question.name]):
+            assert answer.points is not None
             right = explanation.base(**probe.parameters).detect(probe.scene.image, probe.scene.mask)
             pairs.append((probe, answer.points, right))
             if set(probe.scene.sites_of(answer.points)) != set(probe.scene.sites_of(right)):
@@ -162,8 +163,8 @@ class _Examiner:
         changed = [name for name, answers in self.answers.items() if any(answer.changed for answer in answers)]
         if not changed:
             return Check('input', PASSED, 'the image that is given stays as it is')
-        return Check('input', FAILED, 'it looks like input image drawn into: detect changes the image (or mask) that it '
-                     f'is given, in {", ".join(changed)}', ('input image drawn into',))
+        return Check('input', FAILED, 'it looks like input image drawn into: detect changes the image (or mask) '
+                     f'that it is given, in {", ".join(changed)}', ('input image drawn into',))
 
     def _memory(self) -> Check:
         name = 'one image after another'

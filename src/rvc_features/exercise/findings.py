@@ -62,9 +62,11 @@ class _Hypothesis(NamedTuple):
 
 def explain(seen: Seen, ask: Callable[[Question], Any]) -> Explanation:
     """The mistakes in a solution; `ask` puts one more question, and gives None where it has no answer."""
-    base = min([Reference, *LEGAL], key=lambda legal: len(_failed(seen, legal)))    # of equals the first
+    bases: list[type[Reference]] = [Reference, *LEGAL]
+    base = min(bases, key=lambda legal: len(_failed(seen, legal)))      # of equals the first
     failed = _failed(seen, base)
-    left, findings, hinging = list(failed), [], set()
+    left, hinging = list(failed), set[str]()
+    findings: list[Finding] = []
     first = [name for name in failed if name in FIRST]
     if first:
         chosen = _best(seen, base, left, first) or _of_first(seen, base, left, first)
@@ -96,10 +98,11 @@ def expected(question: Question, detector: type[Reference] = Reference) -> Any:
     return _expected(question.name, detector)
 
 
-@functools.lru_cache(maxsize=20000)
 def _expected(name: str, detector: type[Reference]) -> Any:
-    question = _by_name()[name]
-    return question.read(question.probes, [_answer(detector, probe) for probe in question.probes])
+    if (name, detector) not in _read:
+        question = _by_name()[name]
+        _read[name, detector] = question.read(question.probes, [_answer(detector, probe) for probe in question.probes])
+    return _read[name, detector]
 
 
 def _answer(detector: type[Reference], probe: Probe) -> np.ndarray:
@@ -116,6 +119,9 @@ def _answer(detector: type[Reference], probe: Probe) -> np.ndarray:
 
 _STEPS_TO_CANDIDATES = ('planes', 'gradients', 'averages', 'average', 'response', 'candidates', 'allowed', 'position',
                         'size', 'angle')
+# These serve all solutions of a folder; what is in them doesn't depend on any.
+_read: dict[tuple[str, type[Reference]], Any] = {}
+_made: dict[tuple[Any, ...], type[Reference]] = {}
 _kept: dict[tuple[Any, ...], np.ndarray] = {}
 
 
@@ -124,10 +130,12 @@ def _by_name() -> dict[str, Question]:
     return {question.name: question for question in questions()}
 
 
-@functools.lru_cache(maxsize=20000)
 def _mixed(way: type[Reference], base: type[Reference], style: tuple[tuple[str, Any], ...]) -> type[Reference]:
     """One detector with all of it: each overrides a step of its own."""
-    return type(way.__name__, (way,) if base is Reference else (way, base), {'__doc__': way.__doc__, **dict(style)})
+    if (way, base, style) not in _made:
+        bases = (way,) if base is Reference else (way, base)
+        _made[way, base, style] = type(way.__name__, bases, {'__doc__': way.__doc__, **dict(style)})
+    return _made[way, base, style]
 
 
 def _alike(name: str, seen: Any, detector: type[Reference]) -> bool:
@@ -224,10 +232,10 @@ def _others_of_first(seen: Seen, base: type[Reference], chosen: list[_Hypothesis
     names, found = {hypothesis.way.name for hypothesis in chosen}, []
     for way in _ways():
         detectors = () if way.name in names or any(way.units) else tuple(_in_styles(way, base))
-        if detectors and all(any(_alike(name, seen[name], detector) for detector in detectors)
-                             for name in FIRST if name in seen):
-            if all(_same(name, base, detectors[0]) for name in seen if name not in failed):
-                found.append(_Hypothesis(way, detectors[0], chosen[0].shows))
+        agrees = detectors and all(any(_alike(name, seen[name], detector) for detector in detectors)
+                                   for name in FIRST if name in seen)
+        if agrees and all(_same(name, base, detectors[0]) for name in seen if name not in failed):
+            found.append(_Hypothesis(way, detectors[0], chosen[0].shows))
     return found
 
 
@@ -238,7 +246,7 @@ def _blend(seen: Seen, base: type[Reference], failed: tuple[str, ...]) -> list[F
         agreeing = [name for name in failed if len(way.units) == 1 and _alike(name, seen[name], _mixed(way, base, ()))]
         if agreeing:
             ways.append(way)
-    explaining = {}
+    explaining: dict[frozenset[str], tuple[type[Reference], type[Reference]]] = {}
     for one, other in itertools.islice(itertools.permutations(ways, 2), _MOST_BLENDS):
         if one.name != other.name and not _failed(seen, _mixed(one, _mixed(other, base, ()), ())):
             explaining.setdefault(frozenset((one.name, other.name)), (one, other))

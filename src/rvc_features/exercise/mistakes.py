@@ -6,7 +6,7 @@ examiner compares what a solution finds with what each of these finds, and names
 
 from __future__ import annotations
 
-from typing import Callable, Sequence
+from typing import Callable, Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -18,11 +18,11 @@ TABLE: dict[str, list[type[Reference]]] = {}      # the ways to make each mistak
 LEGAL: list[type[Reference]] = []                 # what differs from the reference without being a mistake
 
 # Where H has a unit, what is found depends on it: on what grey values, gradients or H itself are multiplied by.
-_WEIGHTS = [{'trace_weight': 2.0 ** (exponent / 2)} for exponent in range(0, 48)]     # of the trace beside its square
+_WEIGHTS = [{'trace_weight': 2.0 ** (exponent / 2)} for exponent in range(48)]     # of the trace beside its square
 _UNITS = [{'response_unit': 2.0 ** exponent} for exponent in range(-16, 52)]
 
 
-def mistake(name: str, units: Sequence[dict[str, float]] = ({},)) -> Callable[[type[Reference]], type[Reference]]:
+def mistake(name: str, units: Sequence[Mapping[str, float]] = ({},)) -> Callable[[type[Reference]], type[Reference]]:
     """Class decorator: a way to make the mistake of that name; `units` where it depends on the unit of something."""
     def add(way: type[Reference]) -> type[Reference]:
         way.name, way.units = name, tuple(units)

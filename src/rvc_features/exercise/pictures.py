@@ -33,7 +33,7 @@ def draw(image: np.ndarray, found: np.ndarray, expected: np.ndarray, sentence: s
     picture = cv2.cvtColor(large, cv2.COLOR_GRAY2BGR) if large.ndim == 2 else large
     for points, colour, radius in ((expected, _EXPECTED, 10), (found, _SEEN, 0)):
         for x, y in zip(points['x'].tolist(), points['y'].tolist()):
-            at = (round(float(np.clip((x + 0.5) * _ZOOM, -1e4, 1e4))), round(float(np.clip((y + 0.5) * _ZOOM, -1e4, 1e4))))
+            at = tuple(round(min(max((value + 0.5) * _ZOOM, -1e4), 1e4)) for value in (x, y))
             if radius:
                 cv2.circle(picture, at, radius, colour, 2, cv2.LINE_AA)
             else:

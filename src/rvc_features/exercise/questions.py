@@ -38,7 +38,7 @@ class Probe:
 
 @dataclass(frozen=True)
 class Question:
-    """Probes and what counts of the answers: `read` gives it, `tell` says how it differs, `alike` compares two of it."""
+    """Probes and what counts of the answers: `read` gives it, `alike` compares it, `tell` says the difference."""
 
     name: str
     asks: str
@@ -245,6 +245,7 @@ def questions() -> tuple[Question, ...]:
         Question('smallest threshold', 'a threshold of next to nothing lets the corners through', 1,
                  (Probe(scenes.sharp(), {'threshold': 1e-15}),), whether_any, _say, decides=True),
         Question('large thresholds', 'nothing is above a threshold of more than 1', 1,
-                 tuple(Probe(scenes.strengths(), {'threshold': threshold}) for threshold in (1.5, 1e4, 1e7, 1e10, 1e13)),
+                 tuple(Probe(scenes.strengths(), {'threshold': threshold})
+                       for threshold in (1.5, 1e4, 1e7, 1e10, 1e13)),
                  whether_it_falls, _say, decides=True, needs=('threshold',)),
     )

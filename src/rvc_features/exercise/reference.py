@@ -6,7 +6,7 @@ sheet, and a mistake is this class with one method written wrongly.
 
 from __future__ import annotations
 
-from typing import Sequence
+from typing import ClassVar, Mapping, Sequence
 
 import cv2
 import numpy as np
@@ -27,6 +27,8 @@ class Reference:
     they like. That changes no point that counts, unless a mistake is in.
     """
 
+    name: ClassVar[str] = ''                                   # of the mistake that is in
+    units: ClassVar[tuple[Mapping[str, float], ...]] = ({},)    # what it depends on, where that has a unit
     sobel = True                    # or central differences
     window = 'gaussian'             # or 'box', or 'narrow': a Gaussian of a sixth of the window
     neighbourhood = 3               # pixels in which a local maximum is the largest
@@ -65,7 +67,7 @@ class Reference:
 
     def harris_corners(self, planes: Sequence[np.ndarray], octave: int, mask: np.ndarray | None) -> np.ndarray:
         """Candidates of one octave, in reading order."""
-        h = sum(self.response(*self.averages(*self.gradients(plane))) for plane in planes)
+        h = np.sum([self.response(*self.averages(*self.gradients(plane))) for plane in planes], axis=0)
         x, y = self.candidates(h.astype(np.float32), self.minimum_response)
         allowed = self.allowed(mask, x, y)
         x, y = x[allowed], y[allowed]

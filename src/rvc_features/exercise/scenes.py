@@ -40,7 +40,7 @@ class Scene:
     def sites_of(self, points: np.ndarray) -> list[str]:
         """The place of each point; several places may share what stands before the | of their names."""
         found = np.full(len(points), ELSEWHERE, object)
-        for name, site in reversed(self.sites.items()):
+        for name, site in reversed(list(self.sites.items())):
             found[np.hypot(points['x'] - site.x, points['y'] - site.y) <= site.radius] = name.split('|')[0]
         return found.tolist()
 
@@ -87,7 +87,8 @@ def edges() -> Scene:
         kind = ('the straight parts of the edge', 'the diagonal parts of the edge')[number % 2]
         parts[f'{kind}|{number}'] = Site(x + radius * np.cos(turned), y + radius * np.sin(turned), 11)
     return Scene('edges', _finished(_drops(shape, [(20, 24, 225, 200)]) + disc),
-                 {'the corner': Site(20, 24), 'the round back of the drop': Site(29, 33, 14), **parts, BETWEEN: Site(x, y, radius + 8)})
+                 {'the corner': Site(20, 24), 'the round back of the drop': Site(29, 33, 14), **parts,
+                  BETWEEN: Site(x, y, radius + 8)})
 
 
 STRENGTHS = (240, 200, 160, 120, 92, 64)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import contextlib
 import json
 import os
 import select
@@ -23,7 +24,7 @@ from rvc_features.exercise.questions import PARAMETERS, Probe
 _SOURCE = str(Path(__file__).resolve().parents[2])
 
 
-class CannotRun(Exception):
+class CannotRunError(Exception):
     """There is nothing to examine; the text says why."""
 
 
@@ -51,7 +52,7 @@ class ClassSubject:
 
     Raises
     ------
-    CannotRun
+    CannotRunError
         When there is no such class, or it can't be imported.
     """
 
@@ -59,7 +60,7 @@ class ClassSubject:
         self.name = target
         self.seconds = seconds
         self.printed = ''
-        self._errors = tempfile.TemporaryFile()
+        self._errors = tempfile.TemporaryFile()      # noqa: SIM115  (closed in close)
         path = os.pathsep.join(filter(None, (os.environ.get('PYTHONPATH'), _SOURCE)))
         self._process = subprocess.Popen(
             [sys.executable, '-m', 'rvc_features.exercise.child', target], stdin=subprocess.PIPE,
@@ -71,7 +72,7 @@ class ClassSubject:
         try:
             self._expect_usable(self._reply())
             self.takes: Mapping[str, str] = self._expect_usable(self._ask({'describe': list(PARAMETERS)}))['takes']
-        except CannotRun:
+        except CannotRunError:
             self.close()
             raise
 
@@ -84,7 +85,8 @@ class ClassSubject:
         if self.dead:
             return Answer(None, self.dead)
         parameters = {self.takes[name]: value for name, value in probe.parameters.items() if name in self.takes}
-        reply = self._ask({'parameters': parameters, 'images': [_packed(image) for image in (*before, probe.scene.image)],
+        reply = self._ask({'parameters': parameters,
+                           'images': [_packed(image) for image in (*before, probe.scene.image)],
                            'mask': _packed(probe.scene.mask)})
         self._warm = True
         printed, changed = reply.get('printed', ''), reply.get('changed', False)
@@ -100,17 +102,13 @@ class ClassSubject:
 
     def close(self) -> None:
         """End the process, and what it has started."""
-        try:
+        with contextlib.suppress(ProcessLookupError):
             os.killpg(self._process.pid, signal.SIGKILL)
-        except ProcessLookupError:
-            pass
         self._process.wait()
         for stream in (self._process.stdin, self._process.stdout, self._errors):
             if stream is not None:
-                try:
+                with contextlib.suppress(BrokenPipeError):      # a request that nobody read
                     stream.close()
-                except BrokenPipeError:      # a request that nobody read
-                    pass
 
     def _ask(self, request: dict[str, Any]) -> dict[str, Any]:
         assert self._process.stdin is not None
@@ -150,7 +148,7 @@ class ClassSubject:
         self.printed = self.printed or reply.get('printed', '')
         for kind in ('unusable', 'raised', 'trouble'):
             if kind in reply:
-                raise CannotRun(reply[kind])
+                raise CannotRunError(reply[kind])
         return reply
 
 
