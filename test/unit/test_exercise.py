@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from rvc_features import detectors, key_points
+from rvc_features import key_points, presets
 from rvc_features.exercise import command, scenes
 from rvc_features.exercise.child import points_of, raised
 from rvc_features.exercise.examination import FAILED, NOT_TESTED, examine
@@ -64,7 +64,7 @@ def failed(examination):
 def test_the_reference_is_our_detector_with_whole_pixels(scene):
     for values in ({'octaves': 3}, {'anms': True, 'anms_points': 6},
                    {'fixed_number_of_points': True, 'number_of_points': 4, 'window_size': 7}):
-        expected = detectors.create('harris', subpixel=False, **values).detect_arrays(scene.image, scene.mask)
+        expected = presets.create('course', window='gaussian', **values).detect_arrays(scene.image, scene.mask)
         found = Reference(**values).detect(scene.image, scene.mask)
         found, expected = (np.sort(points, order=['octave', 'y', 'x']) for points in (found, expected))
         for name in ('x', 'y', 'size', 'octave'):
@@ -118,7 +118,7 @@ def test_no_alarm_on_a_right_solution(name, attribute):
 @pytest.mark.parametrize('subpixel', [True, False])
 def test_no_alarm_on_our_own(subpixel):
     def make(**values):
-        return detectors.create('harris', subpixel=subpixel, **values)
+        return presets.create('course', subpixel=subpixel, **values)
 
     assert failed(examine(Made(make))) == {}
 
