@@ -32,7 +32,7 @@ class UnusableError(Exception):
 
 
 def load(target: str) -> Callable[..., Any]:
-    """The class or factory: package.module:name, or path/to/file.py[:name]."""
+    """The class or factory: package.module:name, or my_harris.py[:name]."""
     place, _, name = target.partition(':')
     if place.endswith('.py'):
         path = Path(place).resolve()

@@ -53,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
                'See docs/check_exercise.md.')
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument('--class', dest='class_', nargs='+', metavar='MODULE:NAME',
-                      help='classes or factories: package.module:name, or path/to/file.py[:name]')
+                      help='classes or factories: package.module:name, or my_harris.py[:name]')
     what.add_argument('--folder', metavar='FOLDER',
                       help='submissions: each file *.py, and each sub-folder with a detector in it')
     parser.add_argument('--name', help='with --folder: the class or factory in each (default: HarrisDetector, or the '

@@ -41,7 +41,7 @@ class Answer:
 
 
 class ClassSubject:
-    """A class or factory, by `package.module:name` or `file.py:name`.
+    """A class or factory, by `package.module:name` or `my_harris.py:name`.
 
     Parameters
     ----------
