@@ -103,3 +103,48 @@ def test_lowest_bit():
     lowest_bit = numba.njit(lambda bits: vectors.lowest_bit(bits))
     assert [lowest_bit(1 << i) for i in range(63)] == list(range(63))
     assert lowest_bit(0b101000) == 3
+
+
+@pytest.mark.parametrize('has_avx2', [True, False])
+def test_products_of_pairs(monkeypatch, has_avx2):
+    """With x86's instruction, where it is there, and without."""
+    monkeypatch.setattr(vectors, '_HAS_AVX2', has_avx2 and vectors._HAS_AVX2)
+
+    @numba.njit
+    def run(a, b, out):
+        store(out, 0, vectors.products_of_pairs(load(a, 0), load(b, 0)))
+
+    a, b = random.integers(-2040, 2041, (2, LANES)).astype(np.int16)
+    a[:4], b[:4] = -2040, 2040
+    out = np.zeros(LANES, np.int32)
+    run(a, b, out)
+    products = a.astype(np.int32) * b
+    assert np.array_equal(out[:LANES // 2], products[0::2] + products[1::2])
+    assert not out[LANES // 2:].any()   # half a vector is half as much
+
+
+def test_lanes_apart_and_together():
+    @numba.njit
+    def run(a, halves, odd, together, seven):
+        store(odd, 0, vectors.only_odd(load(a, 0)))
+        store(together, 0, vectors.interleaved(vectors.load_half(halves, 0), vectors.load_half(halves, 8)))
+        store(seven, 0, vectors.splat_half(np.float32(7)))
+
+    a, halves = random.integers(-99, 99, LANES).astype(np.int16), numbers(np.float32)
+    odd, together, seven = np.zeros(LANES, np.int16), np.zeros(LANES, np.float32), np.zeros(LANES, np.float32)
+    run(a, halves, odd, together, seven)
+    assert np.array_equal(odd, np.where(np.arange(LANES) % 2, a, 0))
+    assert np.array_equal(together, halves.reshape(2, 8).T.ravel())
+    assert np.array_equal(seven, [7] * 8 + [0] * 8)
+
+
+@pytest.mark.parametrize(('source', 'target'), [(np.uint8, np.int16), (np.int16, np.int32), (np.int32, np.float32),
+                                                (np.float64, np.float32), (np.float64, np.float64)])
+def test_converted_takes_the_type_of_another(source, target):
+    @numba.njit
+    def run(a, like, out):
+        store(out, 0, vectors.converted(load(a, 0), load(like, 0)))
+
+    a, out = numbers(source), np.zeros(LANES, target)
+    run(a, numbers(target), out)
+    assert np.array_equal(out, a.astype(target))

@@ -5,12 +5,19 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels.compiler import LEAST_WIDTH, installed, kernel, read_only
-from rvc_features.kernels.rows import image_rows, next_gradient_rows, reflect, row_length, sobel_gradient, zeros
+from rvc_features.kernels.rows import (
+    gradient_buffers,
+    next_gradient_parts,
+    reflect,
+    row_length,
+    sobel_gradient,
+    zeros,
+)
 
 if installed:
     from rvc_features.kernels.vectors import LANES, converted, load, store
 
-# For their types: what pixels are kept in, and sums of their products.
+# For their types: what gradients are kept in, and sums of their products.
 _INT16, _INT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.int16, np.int32, np.float64))
 
 
@@ -24,16 +31,16 @@ def energy_of_cells(image: np.ndarray, side: int) -> np.ndarray:
 
 
 @kernel
-def _energy_of_cells(image, side, pixel, product):
+def _energy_of_cells(image, side, gradient, product):
     """Sums down the columns of each row of squares, then along the row."""
     height, width = image.shape
     cells = np.zeros((-(-height // side), -(-width // side)), np.float64)
-    smoothed, rows = image_rows(width, None, pixel)
+    smoothed, rows, parts = gradient_buffers(width, None, gradient)
     columns = zeros(row_length(width, 0), product)
     for y in range(height):
-        above, here, below = next_gradient_rows(image, y, y == 0, None, smoothed, rows)
+        next_gradient_parts(image, y, y == 0, None, smoothed, rows, parts)
         for i in range(0, width, LANES):
-            x_gradient, y_gradient = sobel_gradient(rows, above, here, below, i)
+            x_gradient, y_gradient = sobel_gradient(parts, i)
             x_gradient, y_gradient = converted(x_gradient, product), converted(y_gradient, product)
             store(columns, i, load(columns, i) + (x_gradient * x_gradient + y_gradient * y_gradient))
         if (y + 1) % side == 0 or y == height - 1:

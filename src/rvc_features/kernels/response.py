@@ -6,10 +6,11 @@ import functools
 
 import numpy as np
 
+from rvc_features.kernels import smallest_box
 from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
 from rvc_features.kernels.rows import (
-    image_rows,
-    next_gradient_rows,
+    gradient_buffers,
+    next_gradient_parts,
     reflect,
     reflect_ends,
     row_lead,
@@ -19,7 +20,7 @@ from rvc_features.kernels.rows import (
 )
 
 if installed:
-    from rvc_features.kernels.vectors import LANES, load, maximum, splat, store, to_float32, to_float64, widened
+    from rvc_features.kernels.vectors import LANES, converted, load, maximum, splat, store, to_float32, widened
 
 LARGEST_BOX = 45   # pixels: the largest odd window whose sums of Sobel products fit in 32 bits, w^2 (4 * 255)^2 < 2^31
 
@@ -58,15 +59,23 @@ def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k
     """Fill in the rows from `first` to before `last`; returns the largest value in them."""
     taps = _gaussian_taps(int(np.ceil(4 * derivative_sigma)), derivative_sigma) if derivative_sigma > 0 else None
     exact = image.dtype == np.uint8 and taps is None
-    pixel, gradient, product = (_UINT8, _INT16, _INT32) if exact else (_FLOAT64, _FLOAT64, _FLOAT64)
+    gradient, product = (_INT16, _INT32) if exact else (_FLOAT64, _FLOAT64)
     if window == 'box':
-        return _box_response(image, taps, pixel, gradient, product, int(window_size), float(harris_k), out, first, last)
+        is_single = exact and harris_k >= _LEAST_K_IN_SINGLE_PRECISION
+        if is_single and window_size == 3:
+            return smallest_box.response(image, np.float32(harris_k), out, first, last)
+        kind = np.float32 if is_single else np.float64
+        return _box_response(image, taps, gradient, product, int(window_size), kind(harris_k), out, first, last)
     weights = _gaussian_weights(window_size)
-    return _gaussian_response(image, taps, pixel, weights, np.float32(harris_k), out, first, last)
+    return _gaussian_response(image, taps, gradient, weights, np.float32(harris_k), out, first, last)
 
 
-# For their types: what a kernel keeps pixels, gradients and their products in.
-_UINT8, _INT16, _INT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.uint8, np.int16, np.int32, np.float64))
+# For their types: what a kernel keeps gradients and their products in.
+_INT16, _INT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.int16, np.int32, np.float64))
+
+# Along an edge A C - B^2 cancels, and what single precision leaves over is 1e-7 of its terms: nothing beside
+# k (A + C)^2. Where k is so small that nothing else is left either, exact sums are multiplied in double precision.
+_LEAST_K_IN_SINGLE_PRECISION = 0.01
 
 
 @functools.lru_cache(maxsize=64)
@@ -91,25 +100,25 @@ def _harris(a, b, c, harris_k):
 
 
 @kernel
-def _box_response(image, taps, pixel, gradient, product, window_size, harris_k, out, first, last):
+def _box_response(image, taps, gradient, product, window_size, harris_k, out, first, last):
     """Running sums down the columns, sums of neighbours along the row."""
     height, width = image.shape
     radius = window_size // 2
     lead, slots = row_lead(radius), min(height, window_size + 1)
     length = row_length(width, lead)
-    smoothed, rows = image_rows(width, taps, pixel)
+    smoothed, rows, parts = gradient_buffers(width, taps, gradient)
     gradients = zeros((slots + 1) * 2 * length, gradient).reshape((slots + 1, 2, length))
     nothing = slots   # the last row stays zero: what the first windows have nothing to subtract from
-    columns = zeros(3 * length, product).reshape((3, length))
-    fours = zeros(3 * length, product).reshape((3, length))
+    columns, fours, sixteens = (zeros(3 * length, product).reshape((3, length)), zeros(3 * length, product),
+                                zeros(3 * length, product))
     largest = np.full(LANES, -np.inf, np.float32)
     done = begin = max(0, first - radius)
     for y in range(first, last):
         while done <= min(height - 1, y + radius):
-            above, here, below = next_gradient_rows(image, done, done == begin, taps, smoothed, rows)
+            next_gradient_parts(image, done, done == begin, taps, smoothed, rows, parts)
             at = done % slots * 2 * gradients.shape[2]
             for i in range(0, width, LANES):
-                x_gradient, y_gradient = sobel_gradient(rows, above, here, below, i)
+                x_gradient, y_gradient = sobel_gradient(parts, i)
                 store(gradients, at + i, x_gradient)
                 store(gradients, at + gradients.shape[2] + i, y_gradient)
             done += 1
@@ -121,7 +130,7 @@ def _box_response(image, taps, pixel, gradient, product, window_size, harris_k, 
                    reflect(y - 1 - radius, height) % slots, width)
         for part in range(3):
             reflect_ends(columns[part], lead, width, radius)
-        _box_row(columns, fours, lead - radius, window_size, harris_k, out, y, largest)
+        _box_row(columns, fours, sixteens, lead - radius, window_size, harris_k, out, y, largest)
     return largest.max()
 
 
@@ -140,55 +149,65 @@ def _slide(columns, lead, gradients, new, old, width):
 
 
 @kernel
-def _box_row(columns, fours, start, size, harris_k, out, y, largest):
+def _box_row(columns, fours, sixteens, start, size, harris_k, out, y, largest):
     """One row of the response from the sums down the columns; the first window begins at `start`.
 
-    A large window is a sum of sums of four neighbours, and one more or less: every odd size is 4 q + 1 or 4 q - 1.
+    A large window is so many sums of sixteen and of four neighbours, and one neighbour more or less.
     """
     width, stride = out.shape[1], columns.shape[1]
-    terms, distance, count = columns, 1, size
+    many = (size + 1) // 16 if size > 13 else 0
+    some = (size - 16 * many + 1) // 4 if size > 7 else 0
+    few = size - 16 * many - 4 * some
     if size > 7:
         for part in range(3):
-            for i in range(part * stride + start, part * stride + start + width + size, LANES):
+            first = part * stride + start
+            for i in range(first, first + width + size, LANES):
                 pair, next_pair = load(columns, i) + load(columns, i + 1), load(columns, i + 2) + load(columns, i + 3)
                 store(fours, i, pair + next_pair)
-        terms, distance, count = fours, 4, (size + 1) // 4
-    harris_k, scale = splat(harris_k), splat(1.0 / size ** 4)
+            for i in range(first, first + width + size if many > 0 else first, LANES):
+                pair, next_pair = load(fours, i) + load(fours, i + 4), load(fours, i + 8) + load(fours, i + 12)
+                store(sixteens, i, pair + next_pair)
+    harris_k = splat(harris_k)
+    scale = converted(splat(1 / size ** 4), harris_k)
     most = load(largest, 0)
     for i in range(0, width, LANES):
         i = min(i, width - LANES)
         at = start + i
-        a, b, c = load(terms, at), load(terms, at + stride), load(terms, at + 2 * stride)
-        for _ in range(1, count):
-            at += distance
-            a += load(terms, at)
-            b += load(terms, at + stride)
-            c += load(terms, at + 2 * stride)
-        at = start + i + distance * count
-        if distance * count < size:
+        a = b = c = converted(splat(np.int16(0)), columns)
+        for _ in range(many):
+            a += load(sixteens, at)
+            b += load(sixteens, at + stride)
+            c += load(sixteens, at + 2 * stride)
+            at += 16
+        for _ in range(some):
+            a += load(fours, at)
+            b += load(fours, at + stride)
+            c += load(fours, at + 2 * stride)
+            at += 4
+        for _ in range(few):
             a += load(columns, at)
             b += load(columns, at + stride)
             c += load(columns, at + 2 * stride)
-        elif distance * count > size:
+            at += 1
+        if few < 0:
             a -= load(columns, at - 1)
             b -= load(columns, at - 1 + stride)
             c -= load(columns, at - 1 + 2 * stride)
-        # In double precision, for of whole numbers A C - B^2 cancels exactly along an edge.
-        response = to_float32(_harris(to_float64(a), to_float64(b), to_float64(c), harris_k) * scale)
-        store(out, y * width + i, response)
-        most = maximum(response, most)
+        response = _harris(converted(a, scale), converted(b, scale), converted(c, scale), harris_k) * scale
+        store(out, y * width + i, to_float32(response))
+        most = maximum(to_float32(response), most)
     store(largest, 0, most)
 
 
 @kernel
-def _gaussian_response(image, taps, pixel, weights, harris_k, out, first, last):
+def _gaussian_response(image, taps, gradient, weights, harris_k, out, first, last):
     """The same with weighted sums, two rows at a time, for then each row of products is read half as often."""
     height, width = image.shape
     size = len(weights) - 2
     radius = size // 2
     lead, slots = row_lead(radius), min(height, size + 1)
     length = row_length(width, lead)
-    smoothed, rows = image_rows(width, taps, pixel)
+    smoothed, rows, parts = gradient_buffers(width, taps, gradient)
     products = zeros(slots * 3 * length, weights)
     columns = zeros(2 * 3 * length, weights).reshape((2, 3, length))
     offsets = np.empty(size + 1, np.int64)
@@ -196,10 +215,10 @@ def _gaussian_response(image, taps, pixel, weights, harris_k, out, first, last):
     done = begin = max(0, first - radius)
     for y in range(first, last, 2):
         while done <= min(height - 1, y + 1 + radius):
-            above, here, below = next_gradient_rows(image, done, done == begin, taps, smoothed, rows)
+            next_gradient_parts(image, done, done == begin, taps, smoothed, rows, parts)
             at = done % slots * 3 * length
             for i in range(0, width, LANES):
-                x_gradient, y_gradient = sobel_gradient(rows, above, here, below, i)
+                x_gradient, y_gradient = sobel_gradient(parts, i)
                 across, down = to_float32(x_gradient), to_float32(y_gradient)
                 store(products, at + i, across * across)
                 store(products, at + length + i, across * down)

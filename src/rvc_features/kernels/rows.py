@@ -7,7 +7,7 @@ import numpy as np
 from rvc_features.kernels.compiler import installed, kernel
 
 if installed:
-    from rvc_features.kernels.vectors import LANES, load, splat, store, to_float64, widened
+    from rvc_features.kernels.vectors import LANES, converted, load, splat, store, to_float64, widened
 _FLOAT64 = np.empty(0, np.float64)   # for its type: what rows are smoothed in
 
 
@@ -63,36 +63,58 @@ def reflect_ends(row, start, width, radius):
 
 
 @kernel
-def image_rows(width, taps, pixel):
-    """Room for one row on its way to be smoothed, and for the three rows of the image that a gradient needs."""
+def gradient_buffers(width, taps, gradient):
+    """Room for one row on its way to be smoothed, for three smoothed rows, and for the parts of gradients."""
     length = row_length(width, 1)
-    margin = 0 if taps is None else len(taps) - 1
-    return zeros(width + 2 * margin + LANES, _FLOAT64), zeros(3 * length, pixel).reshape((3, length))
+    margin, rows = (0, 0) if taps is None else (len(taps) - 1, 3)
+    parts = zeros(2 * row_length(width, LANES), gradient)
+    return (zeros(width + 2 * margin + LANES, _FLOAT64), zeros(rows * length, _FLOAT64).reshape((rows, length)),
+            parts.reshape((2, len(parts) // 2)))
 
 
 @kernel
-def next_gradient_rows(image, y, is_first, taps, smoothed, rows):
-    """See to it that rows y - 1 to y + 1 of the image, smoothed if there are taps, are among the three that are kept.
+def next_gradient_parts(image, y, is_first, taps, smoothed, rows, parts):
+    """What Sobel needs down the columns of row y, smoothed if there are taps: sums 1 2 1, and differences -1 0 1.
 
-    Called for one y after the other; `is_first` says that none has been fetched before. Returns where they begin.
+    Both from `LANES` on. With taps it is called for one y after the other; `is_first` marks the first time.
     """
     height, width = image.shape
-    for above in range(y - 1 if is_first else y + 1, y + 2):
-        if 0 <= above < height:
-            row = rows[above % 3]
-            if taps is None:   # known to the compiler, which leaves out the rest
-                for i in range(width):
-                    row[i + 1] = image[above, i]
-            else:
-                _smooth_row(image, above, taps, smoothed, row)
-            reflect_ends(row, 1, width, 1)
-    length = rows.shape[1]
-    return reflect(y - 1, height) % 3 * length, y % 3 * length, reflect(y + 1, height) % 3 * length
+    if taps is None:   # known to the compiler, which leaves out the rest
+        _gradient_parts(image, reflect(y - 1, height) * width, y * width, reflect(y + 1, height) * width, width, parts)
+    else:
+        length = rows.shape[1]
+        for below in range(y - 1 if is_first else y + 1, y + 2):
+            if 0 <= below < height:
+                _smooth_row(image, below, taps, smoothed, rows[below % 3])
+        _gradient_parts(rows, reflect(y - 1, height) % 3 * length, y % 3 * length, reflect(y + 1, height) % 3 * length,
+                        width, parts)
+
+
+@kernel
+def _gradient_parts(rows, above, here, below, width, parts):
+    differences = parts.shape[1] + LANES
+    for i in range(0, width, LANES):
+        i = min(i, width - LANES)
+        before, middle = converted(load(rows, above + i), parts), converted(load(rows, here + i), parts)
+        after = converted(load(rows, below + i), parts)
+        store(parts, LANES + i, (before + after) + (middle + middle))
+        store(parts, differences + i, after - before)
+    for part in range(2):
+        reflect_ends(parts[part], LANES, width, 1)
+
+
+@kernel
+def sobel_gradient(parts, i):
+    """3x3 Sobel gradients of sixteen pixels from i on, in x and in y."""
+    sums, differences = LANES + i, parts.shape[1] + LANES + i
+    middle = load(parts, differences)
+    return (load(parts, sums + 1) - load(parts, sums - 1),
+            (load(parts, differences - 1) + load(parts, differences + 1)) + (middle + middle))
 
 
 @kernel
 def _smooth_row(image, y, taps, column, out):
-    """Row y of the smoothed image, from out[1] on: down the columns, then along the row."""
+    """Row y of the smoothed image: down the columns, then along the row."""
     height, width = image.shape
     radius = len(taps) - 1
     for i in range(0, width, LANES):
@@ -108,14 +130,4 @@ def _smooth_row(image, y, taps, column, out):
         total = splat(taps[0]) * load(column, radius + i)
         for j in range(1, radius + 1):
             total += splat(taps[j]) * (load(column, radius + i - j) + load(column, radius + i + j))
-        store(out, 1 + i, total)
-
-
-@kernel
-def sobel_gradient(rows, above, here, below, i):
-    """3x3 Sobel gradients of sixteen pixels from i on, in x and in y."""
-    above, here, below = above + i, here + i, below + i
-    a, b, c = widened(load(rows, above)), widened(load(rows, above + 1)), widened(load(rows, above + 2))
-    d, e = widened(load(rows, here)), widened(load(rows, here + 2))
-    f, g, h = widened(load(rows, below)), widened(load(rows, below + 1)), widened(load(rows, below + 2))
-    return (c - a) + (e - d) + (e - d) + (h - f), (f - a) + (g - b) + (g - b) + (h - c)
+        store(out, i, total)

@@ -35,6 +35,8 @@ def compile_all() -> float:
     if compiler.available():
         image = np.zeros((40, 40), np.uint8)
         image[10:, 10:] = 255
+        response.response(image, 3, 'box', 0.04)
+        response.response(image, 5, 'box', 0.0)
         for window in ('box', 'gaussian'):
             for derivative_sigma in (1.0, 0.0):
                 values, _ = response.response(image, 5, window, 0.04, derivative_sigma)
