@@ -1,6 +1,7 @@
 """The whole tool: numbers end to end, bad input, interruption and resumption, workers."""
 
 import csv
+import html
 import json
 import os
 import re
@@ -16,8 +17,8 @@ import numpy as np
 import pytest
 from conftest import texture
 
-from rvc_features import detectors
-from rvc_features.comparison import command, measures, warps
+from rvc_features import detectors, presets
+from rvc_features.comparison import command, measures, pictures, warps
 
 pytestmark = pytest.mark.slow   # whole comparisons
 
@@ -120,6 +121,8 @@ def test_frames_without_ground_truth(tmp_path):
     for number in range(3):
         cv2.imwrite(str(folder / f'{number:03}.png'), scene[:, 4 * number:4 * number + 260])
     assert main(folder, '--output', tmp_path / 'out', *QUICK, '--points', 100) == 0
+    assert 'Mean over 2 pairs and 1 single image' in (tmp_path / 'out' / 'report.html').read_text()
+    assert 'differ in size' not in (tmp_path / 'out' / 'report.html').read_text()
     rows = read_csv(tmp_path / 'out' / 'pairs.csv')
     assert [row['pair'] for row in rows[::2]] == ['000.png', '001.png', '002.png']
     assert all(float(row['tracked']) > 0.9 for row in rows[:4])
@@ -187,6 +190,96 @@ def test_the_report_needs_nothing_else(sequence, tmp_path):
         if row['measure'] == 'repeatability_1.5' and row['group'] == 'all':
             assert f'{float(row["value"]):.3f}' in markdown
             assert f'{float(row["value"]):.3f}' in text
+
+
+def test_recordings_of_other_sizes_and_single_images(tmp_path):
+    for name, shapes in (('one', [(60, 80)]), ('two', [(60, 80), (60, 80), (70, 80)])):
+        (tmp_path / name).mkdir()
+        for number, shape in enumerate(shapes):
+            cv2.imwrite(str(tmp_path / name / f'{number}.png'), texture(shape))
+    assert main(tmp_path / 'one', tmp_path / 'two', '--output', tmp_path / 'both', *QUICK) == 0
+    markdown = (tmp_path / 'both' / 'report.md').read_text()
+    assert 'Mean over 1 pair and 3 single images' in markdown
+    assert 'Note: two, 1.png: the next image has another size, so nothing is tracked to it.' in markdown
+    assert main(tmp_path / 'one', '--output', tmp_path / 'single', *QUICK) == 0
+    markdown = (tmp_path / 'single' / 'report.md').read_text()
+    assert 'Mean over 1 single image;' in markdown
+    assert 'Note: There is no pair of images' in markdown
+    assert 'one pair' not in markdown.lower()
+
+
+def test_a_note_on_many_pairs_is_said_once(tmp_path):
+    folder = tmp_path / 'light'
+    folder.mkdir()
+    for number in range(1, 7):
+        cv2.imwrite(str(folder / f'img{number}.png'), texture((100, 160), seed=number))
+        (folder / f'H1to{number}p').write_text('1 0 0\n0 1 0\n0 0 1\n')
+    (folder / 'H1to1p').unlink()
+    assert main(folder, '--output', tmp_path / 'out', *QUICK) == 0
+    markdown = (tmp_path / 'out' / 'report.md').read_text()
+    notes = [line for line in markdown.splitlines() if 'is the identity' in line]
+    assert notes == ['Note: light, 1 to 2; light, 1 to 3; light, 1 to 4; and 2 more: the homography is the identity: '
+                     'the second image was cropped by 37 pixels on the left and 23 at the top.']
+
+
+def test_names_are_neither_formulas_nor_markup(tmp_path):
+    folder = tmp_path / '=1+1'
+    folder.mkdir()
+    cv2.imwrite(str(folder / '@a<script>.png'), texture((60, 80)))
+    assert main(folder, '--output', tmp_path / 'out', *QUICK[:4], '-d', '+b|<img>`=fast', '--title', '# <b>[x](y)') == 0
+    for name in ('pairs.csv', 'summary.csv'):
+        with open(tmp_path / 'out' / name, newline='') as file:
+            for row in csv.reader(file):
+                assert not [cell for cell in row if cell[:1] in ('=', '+', '@')]
+    assert read_csv(tmp_path / 'out' / 'pairs.csv')[0]['data'] == "'=1+1"
+    markdown = (tmp_path / 'out' / 'report.md').read_text()
+    assert markdown.startswith('# \\# &lt;b&gt;\\[x\\](y)\n')
+    assert '| +b\\|&lt;img&gt;\\` |' in markdown
+    assert not re.search(r'<(img|b|script)\b', markdown)
+
+
+def test_the_report_says_when_where_and_how(sequence, tmp_path):
+    assert main(sequence, '--output', tmp_path, *QUICK, '--title', "it's") == 0
+    (result, *_) = results_in(tmp_path)
+    about = json.loads(result.read_text())['result']
+    for name in ('report.html', 'report.md'):
+        text = html.unescape((tmp_path / name).read_text())
+        assert f'Measured on {about["date"]} on {about["machine"]}' in text
+        assert "Made by: compare_detectors" in text
+        assert f'--output {tmp_path}' in text
+    picture = cv2.imread(str(tmp_path / 'comparison.png')).astype(int)
+    for colour in (pictures.AGAIN, pictures.NOT_AGAIN, pictures.NOT_SEEN):      # the legend, below the mosaic
+        assert (np.abs(picture[-80:, :30] - colour).max(axis=2) < 20).sum() > 10
+
+
+def test_help_is_quick_and_names_every_detector():
+    program = ('import sys\n'
+               'from rvc_features.comparison import command\n'
+               'try:\n'
+               "    command.main(['--help'])\n"
+               'except SystemExit:\n'
+               "    assert not {'cv2', 'numpy', 'numba', 'tqdm', 'yaml'} & set(sys.modules)\n")
+    result = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, env=environment(),
+                            timeout=60, check=False)
+    assert (result.returncode, result.stderr) == (0, '')
+    for name in (*detectors.names(), *presets.names()):
+        assert name in result.stdout
+
+
+def test_without_tqdm_and_yaml(sequence, tmp_path, capsys, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'tqdm', None)
+    monkeypatch.setitem(sys.modules, 'yaml', None)
+    assert main(sequence, '--output', tmp_path, *QUICK) == 0
+    (tmp_path / 'detectors.yaml').write_text('- fast')
+    assert main(sequence, '--output', tmp_path, '--detectors-from', tmp_path / 'detectors.yaml') == 2
+    assert 'needs PyYAML, which is not installed here' in capsys.readouterr().err
+
+
+def test_a_detector_that_raises_is_named(sequence, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(type(detectors.create('fast')), 'detect_impl', lambda self, image, mask: 1 // 0)
+    assert main(sequence, '--output', tmp_path, '-d', 'label=fast') == 2
+    assert re.search(r'^compare_detectors: label: fails on an image of 260x200 pixels: ZeroDivisionError: .* '
+                     r'\(.*test_comparison_command.py, line \d+\)$', capsys.readouterr().err)
 
 
 def test_the_best_is_marked_and_what_can_not_be_told_apart(sequence, tmp_path):
@@ -358,6 +451,13 @@ def test_a_dask_scheduler_that_is_not_there(sequence, tmp_path, capsys, monkeypa
     monkeypatch.setattr(executors, '_DASK_TIMEOUT', 0.5)
     assert main(sequence, '--output', tmp_path, '--dask-scheduler', 'tcp://127.0.0.1:9') == 2
     assert 'no Dask scheduler answers at tcp://127.0.0.1:9' in capsys.readouterr().err
+
+
+@pytest.mark.parametrize('address', ['nonsense', '::', 'tcp://x:99999999', 'tcp://'])
+def test_what_is_no_address(sequence, tmp_path, capsys, address):
+    pytest.importorskip('distributed', reason='Dask is not installed')
+    assert main(sequence, '--output', tmp_path, '--dask-scheduler', address) == 2
+    assert f"'{address}' is no address of a Dask scheduler: write it as tcp://host:8786" in capsys.readouterr().err
 
 
 def test_without_dask_one_sentence(sequence, tmp_path, capsys, monkeypatch):

@@ -3,6 +3,7 @@
 import pytest
 from conftest import draw_square
 
+from rvc_features import presets
 from rvc_features.comparison import contestants
 from rvc_features.comparison.contestants import ContestantError, parse, read_yaml, with_distinct_labels
 
@@ -80,12 +81,22 @@ def test_a_missing_yaml_file(tmp_path):
 
 def test_labels_differ():
     labels = [each.label for each in with_distinct_labels(
-        [parse(text, 500) for text in ('harris', 'harris:window_size=7', 'fast', 'a=orb', 'a=orb')])]
-    assert labels == ['harris (defaults)', 'harris (window_size 7)', 'fast', 'a (defaults)', 'a (defaults) #2']
+        [parse(text, 500) for text in ('harris', 'harris:window_size=7', 'fast', 'a=orb', 'a=orb', 'b=orb', 'b=fast')])]
+    assert labels == ['harris (defaults)', 'harris (window_size 7)', 'fast', 'a', 'a #2', 'b (orb)', 'b (fast)']
 
 
-def test_presets_ask_all_for_as_many_points():
-    chosen = contestants.presets(321)
+@pytest.mark.parametrize('name', presets.names())
+def test_presets_by_name(name):
+    assert parse(name, 321).detector == presets.create(name, 321)
+    assert parse(name, 321).label == name
+    assert parse(f'{name}:octaves=2,number_of_points=40', 321).detector == presets.create(name, 40, octaves=2)
+    assert parse(name, 0).detector == presets.create(name)      # as compare.launch takes it: the preset's own number
+    with pytest.raises(ContestantError, match="no parameter 'levels'"):
+        parse(f'{name}:levels=2', 321)
+
+
+def test_the_standard_choice_asks_all_for_as_many_points():
+    chosen = contestants.standard_choice(321)
     assert len({each.label for each in chosen}) == len(chosen) >= 7
     for each in chosen:
         if each.detector.name == 'harris':

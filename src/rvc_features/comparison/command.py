@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shlex
 import sys
 from typing import Sequence
 
@@ -13,7 +14,9 @@ from rvc_features.comparison.datasets import KINDS
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command; the exit status."""
     print_safely()
+    arguments = sys.argv[1:] if arguments is None else arguments
     given = _parser().parse_args(arguments)
+    given.command = ' '.join(shlex.quote(word) for word in ('compare_detectors', *arguments))
     from rvc_features.comparison.compare import compare  # here, for it takes a second, which --help can do without
     return compare(given)
 
@@ -23,6 +26,7 @@ def _parser() -> argparse.ArgumentParser:
         prog='compare_detectors', formatter_class=argparse.RawDescriptionHelpFormatter,
         description='Compare key point detectors on any images, and write a report: one HTML page, Markdown and CSV.',
         epilog='Detectors: fast, good_features_to_track, harris, orb, and your own with --import. '
+               'Presets of harris: course, even, matching, repeatable. '
                'What each number means and the YAML format: docs/comparison.md.\n\n'
                'examples:\n'
                '  compare_detectors                               one photograph under known changes\n'
@@ -49,7 +53,7 @@ def _parser() -> argparse.ArgumentParser:
                       help='do not crop the second image of a sequence where the homography is the identity')
     who = parser.add_argument_group('what is compared')
     who.add_argument('-d', '--detector', action='append', default=[], metavar='[LABEL=]NAME[:PARAMETER=VALUE,...]',
-                     help='a detector; may be repeated (default: a choice of all)')
+                     help='a detector or a preset of harris; may be repeated (default: a choice of all)')
     who.add_argument('--detectors-from', action='append', default=[], metavar='FILE', help='a YAML file of detectors')
     who.add_argument('--import', dest='import_', action='append', default=[], metavar='MODULE',
                      help='a Python module that registers detectors of your own')

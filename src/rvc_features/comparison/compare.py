@@ -71,7 +71,8 @@ def _compare(given: argparse.Namespace) -> None:
 
     made = summary.sections(measured, chosen, [contestant.label for contestant in group], settings.epsilons,
                             settings.points, settings.seed)
-    paths = report.write(given.output, given.title, made, measured, chosen, group, settings, gallery)
+    paths = report.write(given.output, given.title, made, measured, chosen, group, settings, gallery,
+                         given.command)
     print(text_tables.as_text(made))
     print('Wrote ' + ', '.join(paths))
 
@@ -81,7 +82,7 @@ def _contestants(given: argparse.Namespace) -> list[Contestant]:
     for path in given.detectors_from:
         chosen += contestants.read_yaml(path, given.points)
     chosen += [contestants.parse(text, given.points) for text in given.detector]
-    return contestants.with_distinct_labels(chosen or contestants.presets(given.points))
+    return contestants.with_distinct_labels(chosen or contestants.standard_choice(given.points))
 
 
 def _datasets(given: argparse.Namespace) -> list[Dataset]:

@@ -1,22 +1,24 @@
 """What is compared: detectors with their parameters and a label, from the command line or a YAML file.
 
-On the command line `[label=]detector[:parameter=value,...]`; in YAML a list of mappings with `detector`, and if wanted
-`label`, `parameters` and `thinned`. `thinned`, also accepted among the parameters on the command line, is no parameter
-of the detector: points nearer than that to a stronger one are dropped, which some detectors need for a fair comparison.
+On the command line `[label=]name[:parameter=value,...]`; in YAML a list of mappings with `detector`, and if wanted
+`label`, `parameters` and `thinned`. The name is a detector's, or that of a preset of Harris. `thinned`, also accepted
+among the parameters on the command line, is no parameter of the detector: points nearer than that to a stronger one are
+dropped, which some detectors need for a fair comparison.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import re
-from typing import Any, Mapping, Sequence
+from typing import Any, Callable, Mapping, Sequence
 
 import numpy as np
 
-from rvc_features import detectors, parameters
-from rvc_features.brief import cut
+from rvc_features import detectors, parameters, presets
+from rvc_features.brief import cut, shown
 from rvc_features.comparison import measures
 from rvc_features.feature_detector import FeatureDetector
+from rvc_features.harris_detector import HarrisDetector
 from rvc_features.recordings.regular_files import SourceError, read_text
 
 
@@ -81,28 +83,23 @@ def from_specification(label: str, name: str, values: Mapping[str, Any], thinned
     return Contestant(label, detectors.create(name, **values), thinned)
 
 
-def presets(count: int) -> list[Contestant]:
+def standard_choice(count: int) -> list[Contestant]:
     """What is compared when nothing is named: each detector asked for the same number of points."""
-    strongest = {'fixed_number_of_points': True, 'number_of_points': count}
-    # The best of a grid on three real sequences; docs/comparison.md.
-    tuned = {'derivative_sigma': 0.9, 'window_size': 7, 'border': 4}
     limit = {'number_of_points': count}
-    chosen: list[tuple[str, str, dict[str, Any], float]] = [
-        ('Harris', 'harris', strongest, 0),
-        ('Harris, smoothed', 'harris', {**strongest, **tuned}, 0),
-        ('Harris, exercise sheet', 'harris', {**strongest, 'window': 'box', 'subpixel': False}, 0),
-        ('Harris, ANMS', 'harris', {**tuned, 'anms': True, 'anms_points': count}, 0),
+    others: list[tuple[str, str, dict[str, Any], float]] = [
         ('GFTT, Harris score', 'good_features_to_track',
          {**limit, 'use_harris': True, 'gradient_size': 5, 'minimum_distance': 3.0, 'quality_level': 1e-6}, 0),
         ('GFTT', 'good_features_to_track', {**limit, 'minimum_distance': 3.0, 'quality_level': 1e-4}, 0),
         ('FAST', 'fast', limit, 0),
         ('ORB', 'orb', limit, 0),
     ]
-    return [from_specification(*each) for each in chosen]
+    ours = [Contestant(f'Harris, {name}', presets.create(name, count))
+            for name in ('repeatable', 'even', 'matching', 'course')]
+    return [*ours, *(from_specification(*each) for each in others)]
 
 
 def parse(text: str, count: int) -> Contestant:
-    """The contestant written as `[label=]detector[:parameter=value,...]`.
+    """The contestant written as `[label=]name[:parameter=value,...]`: a detector's name, or that of a preset of Harris.
 
     Raises
     ------
@@ -112,7 +109,7 @@ def parse(text: str, count: int) -> Contestant:
     match = re.fullmatch(r'(?:(?P<label>[^=:]+)=)?(?P<name>[^=:,]+)(?::(?P<values>.*))?', text.strip())
     if match is None:
         raise ContestantError(f'{text!r}: write [label=]detector[:parameter=value,...], '
-                              'such as harris:window_size=7,octaves=3')
+                              'such as even or harris:window_size=7,octaves=3')
     values = {}
     for item in filter(None, (match['values'] or '').split(',')):
         name, equals, value = item.partition('=')
@@ -162,14 +159,19 @@ def read_yaml(path: str, count: int) -> list[Contestant]:
 
 
 def with_distinct_labels(contestants: Sequence[Contestant]) -> list[Contestant]:
-    """The same with labels that differ: a label that is there twice gets the settings that were changed."""
-    labels = [contestant.label for contestant in contestants]
+    """The same with labels that differ: to a label that is there twice is added what tells its detectors apart."""
+    def told_apart(labels: list[str], addition: Callable[[Contestant], str]) -> list[str]:
+        by_label: dict[str, set[str]] = {}
+        for label, contestant in zip(labels, contestants):
+            by_label.setdefault(label, set()).add(addition(contestant))
+        return [f'{label} ({addition(contestant)})' if len(by_label[label]) > 1 else label
+                for label, contestant in zip(labels, contestants)]
+
+    labels = told_apart([contestant.label for contestant in contestants], lambda each: each.detector.name)
+    labels = told_apart(labels, lambda each: ', '.join(f'{name} {value}' for name, value
+                                                       in each.changed_settings().items()) or 'defaults')
     distinct: list[Contestant] = []
-    for contestant in contestants:
-        label = contestant.label
-        if labels.count(label) > 1:
-            changed = ', '.join(f'{name} {value}' for name, value in contestant.changed_settings().items())
-            label = f'{label} ({changed or "defaults"})'
+    for contestant, label in zip(contestants, labels):
         taken = {other.label for other in distinct}
         base, number = label, 1
         while label in taken:
@@ -181,19 +183,31 @@ def with_distinct_labels(contestants: Sequence[Contestant]) -> list[Contestant]:
 
 def _checked(where: str, label: str, name: str, texts: Mapping[str, str], thinned: str | None,
              count: int) -> Contestant:
+    preset = name in presets.names() and name not in detectors.names()
     try:
-        known = parameters.specifications(detectors.get(name))
+        known = parameters.specifications(HarrisDetector if preset else _detector(name))
         values = {key: _value(text, known.get(key)) for key, text in texts.items()}
         if 'thinned' in values and 'thinned' not in known:
             thinned = texts['thinned']
             del values['thinned']
         distance = _distance(thinned)
         # As many as are compared, unless said otherwise: a limit below would decide the comparison.
-        if 'number_of_points' in known and count > getattr(detectors.get(name), 'number_of_points', count):
-            values.setdefault('number_of_points', count)
-        return Contestant(label.strip() or name, detectors.create(name, **values), distance)
+        if preset:
+            detector: FeatureDetector = presets.create(name, values.pop('number_of_points', count or None), **values)
+        else:
+            if 'number_of_points' in known and count > getattr(detectors.get(name), 'number_of_points', count):
+                values.setdefault('number_of_points', count)
+            detector = detectors.create(name, **values)
+        return Contestant(label.strip() or name, detector, distance)
     except (TypeError, ValueError) as error:
         raise ContestantError(f'{where}: {error}') from None
+
+
+def _detector(name: str) -> type[FeatureDetector]:
+    if name not in detectors.names():
+        raise ValueError(f'unknown detector {shown(name)}; there are {", ".join(detectors.names())}, and the presets '
+                         f'of harris {", ".join(presets.names())}')
+    return detectors.get(name)
 
 
 def _value(text: str, specification: parameters.Specification | None) -> Any:

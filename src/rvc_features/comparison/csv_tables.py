@@ -1,4 +1,7 @@
-"""The report's numbers as CSV: every number of every table, and everything that was measured on each pair."""
+"""The report's numbers as CSV: every number of every table, and everything that was measured on each pair.
+
+A name that a spreadsheet would take for a formula has an apostrophe before it.
+"""
 
 from __future__ import annotations
 
@@ -23,8 +26,8 @@ def summary_csv(sections: Sequence[Section]) -> str:
         for table in (section.table, *section.breakdowns):
             for label, row in zip(table.labels, table.rows):
                 for column, cell in zip(table.columns, row):
-                    group = 'all' if table is section.table else column.title
-                    writer.writerow([section.kind, group, column.key, column.unit, label,
+                    group = 'all' if table is section.table else _no_formula(column.title)
+                    writer.writerow([section.kind, group, column.key, column.unit, _no_formula(label),
                                      *map(_number, (cell.value, cell.low, cell.high, cell.chance)), cell.pairs,
                                      int(cell.best), int(cell.as_good)])
     return out.getvalue()
@@ -43,7 +46,8 @@ def pairs_csv(measured: Sequence[Measured], settings: Settings) -> str:
                      'median_ms_1', 'median_ms_2'])
     for pair in measured:
         for label, values in pair.result['contestants'].items():
-            row: list[Any] = [pair.dataset, pair.group, pair.name, _number(pair.change), label]
+            row: list[Any] = [*map(_no_formula, (pair.dataset, pair.group, pair.name)), _number(pair.change),
+                              _no_formula(label)]
             for name in ('found', 'in_region', 'coverage', 'spacing'):
                 row += [_number(value) for value in _two(values.get(name))]
             for name in ('repeatability', 'chance', 'found_again'):
@@ -61,3 +65,7 @@ def _number(value: float | None) -> str:
 
 def _two(values: Sequence[Any] | None) -> list[Any]:
     return [*(values or ()), None, None][:2]
+
+
+def _no_formula(text: str) -> str:
+    return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text

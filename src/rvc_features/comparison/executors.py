@@ -5,12 +5,15 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import os
+import re
 import signal
 import threading
 from concurrent.futures import BrokenExecutor, Executor, Future
 from multiprocessing import connection
 from queue import SimpleQueue
 from typing import Any, Callable, Iterator
+
+from rvc_features.brief import shown
 
 
 @contextlib.contextmanager
@@ -149,6 +152,8 @@ def _dask_client(address: str) -> Any:
     except ImportError:
         raise DaskError('--dask-scheduler needs Dask, which is not installed here: '
                         'python3 -m pip install "dask[distributed]"') from None
+    if not _is_address(address):
+        raise DaskError(f'{shown(address)} is no address of a Dask scheduler: write it as tcp://host:8786')
     try:
         client = Client(address, timeout=_DASK_TIMEOUT, set_as_default=False)
     except (OSError, ValueError) as error:
@@ -158,6 +163,12 @@ def _dask_client(address: str) -> Any:
         client.close()
         raise DaskError(f'the Dask scheduler at {address} has no workers; start some with `dask worker {address}`')
     return client
+
+
+def _is_address(text: str) -> bool:
+    """Whether it is [protocol://]host:port; Dask takes anything, and talks of it in tracebacks after the end."""
+    match = re.fullmatch(r'(?:[a-z]+://)?(?:[\w.-]+|\[[0-9a-fA-F:.]+\]):(\d{1,5})', text)
+    return match is not None and 0 < int(match[1]) < 65536
 
 
 _DASK_TIMEOUT = 10   # seconds

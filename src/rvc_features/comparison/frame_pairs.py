@@ -46,7 +46,8 @@ def _frames(name: str, description: str, source: ImageFiles | Video | BagImages,
             image = as_grey(frame.image)
             if previous is not None:
                 fits = previous[1].shape == image.shape
-                yield Pair(name, previous[0], None, previous[1], image if fits else None, None)
+                note = '' if fits else 'the next image has another size, so nothing is tracked to it'
+                yield Pair(name, previous[0], None, previous[1], image if fits else None, None, note)
             previous = frame.name, image
         if previous is not None:
             # Each frame is measured as the first of a pair; the last has none to go with it.

@@ -22,9 +22,10 @@ MARKS = ('Green: the best of its column. Pale green with ≈: not told apart fro
 
 
 def page(title: str, sections: Sequence[Section], measured: Sequence[Measured], datasets: Sequence[Dataset],
-          contestants: Sequence[Contestant], settings: Settings, shown_pairs: dict[str, Pair],
-          shown: dict[str, list[pictures.Picture]]) -> str:
+         contestants: Sequence[Contestant], settings: Settings, shown_pairs: dict[str, Pair],
+         shown: dict[str, list[pictures.Picture]], command: str) -> str:
     body = [f'<h1>{escape(title)}</h1>', f'<p class="lead">{escape(scope(contestants, settings))}</p>',
+            *(f'<p class="small">{escape(line)}</p>' for line in origin(measured, command)),
             '<div class="short"><h2>In short</h2><ul>',
             *(f'<li><b>{escape(section.title)}.</b> {" ".join(_in_short(section))}</li>' for section in sections),
             '</ul></div>']
@@ -44,11 +45,22 @@ def scope(contestants: Sequence[Contestant], settings: Settings) -> str:
             f'of each image the {settings.points} strongest points of each are compared.')
 
 
+def origin(measured: Sequence[Measured], command: str) -> list[str]:
+    """When, on what machine and by which command the numbers were made; the same for the same results."""
+    dates = sorted({pair.result['date'] for pair in measured})
+    machines = list(dict.fromkeys(pair.result['machine'] for pair in measured))
+    versions = list(dict.fromkeys(pair.result['versions']['rvc_features'] for pair in measured))
+    return [f'Measured on {" to ".join(dict.fromkeys((dates[0], dates[-1])))} on {"; ".join(machines)}, with '
+            f'rvc_features {", ".join(versions)}.', f'Made by: {command}']
+
+
 def _in_short(section: Section) -> Iterator[str]:
     """What the table says, in sentences; nothing that it does not say."""
     table = section.table
     if table.pairs == 1:
         yield 'One pair only: an example, not a result.'
+    elif table.pairs == 0:
+        yield 'No pair of images: nothing is compared from one to the other.'
     for i, column in enumerate(table.columns):
         if column.key.rstrip('0123456789.') not in ('repeatability_', 'found_again_', 'matching', 'time'):
             continue
@@ -67,12 +79,11 @@ def _in_short(section: Section) -> Iterator[str]:
 def _section(section: Section, datasets: Sequence[Dataset], shown_pairs: dict[str, Pair],
              shown: dict[str, list[pictures.Picture]], settings: Settings) -> Iterator[str]:
     own = [dataset for dataset in datasets if dataset.kind == section.kind]
-    pairs = section.table.pairs
     yield f'<h2 id="{section.kind}">{escape(section.title)}</h2><p>{escape(section.introduction)}</p><ul class="data">'
     for dataset in own:
         yield f'<li><b>{escape(dataset.name)}</b>: {escape(dataset.description)}</li>'
     yield '</ul>'
-    yield _html_table(section.table, f'Mean over {pairs} pairs' if pairs != 1 else 'One pair')
+    yield _html_table(section.table, f'Mean over {section.table.basis()}')
     yield f'<p class="small">{escape(MARKS)}</p>'
     if section.notes:
         yield '<ul class="notes">' + ''.join(f'<li>{escape(note)}</li>' for note in section.notes) + '</ul>'
@@ -85,8 +96,8 @@ def _section(section: Section, datasets: Sequence[Dataset], shown_pairs: dict[st
         yield charts.lines(section.epsilon_curve, section.table.labels, evenly=False)
     yield charts.times(section.times, section.sweeps, section.table.labels) + '</div>'
     if any(section.sweeps):
-        yield ('<p class="small">Time against points: the lines ask for ever more points on one image; large dots are '
-               'the medians over all images.</p>')
+        yield ('<p class="small">Time against points: the lines ask for ever more points on the first image of each '
+               'of the data above, and show the medians; large dots are the medians over all images.</p>')
     if section.change_curves:
         yield (f'<h3>{escape(section.table.columns[0].title[:1].upper() + section.table.columns[0].title[1:])} '
                'over the size of the change</h3>' + charts.legend(section.table.labels) + '<div class="charts">')
@@ -139,7 +150,7 @@ def _html_cell(column: Column, cell: Cell) -> str:
         text += f'<small>{column.text(cell.low)} … {column.text(cell.high)}</small>'
     if cell.chance is not None:
         text += f'<small class="chance">chance {column.text(cell.chance)}</small>'
-    return f'<td{kind}>{text}</td>'
+    return f'<td{kind} data-measure="{escape(column.heading)}"><span>{text}</span></td>'
 
 
 def _arrow(column: Column) -> str:
@@ -182,6 +193,7 @@ h1 { font-size: 2rem; margin-bottom: .2rem; } h2 { margin-top: 2.8rem; border-bo
 h3 { margin: 2rem 0 .4rem; } .lead { font-size: 1.1rem; color: #555; }
 .short { background: #f4f7fa; border-left: 4px solid #0072b2; padding: .3rem 1.2rem; } .short h2 { margin: .6rem 0 0;
   border: 0; font-size: 1.2rem; }
+code { overflow-wrap: anywhere; }
 .scroll { overflow-x: auto; } table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
 caption { text-align: left; color: #555; padding-bottom: .3rem; }
 th, td { padding: .35rem .55rem; text-align: right; border-bottom: 1px solid #e8e8e8; vertical-align: top; }
@@ -195,12 +207,19 @@ dt { font-weight: 600; } dd { margin: 0; }
 .notes { background: #fff8e6; border-left: 4px solid #e69f00; padding: .5rem 1rem .5rem 2rem; font-size: .9rem; }
 .swatch { display: inline-block; width: .8rem; height: .8rem; border-radius: 2px; margin-right: .5rem; }
 .legend .key { margin-right: 1.2rem; white-space: nowrap; font-size: .85rem; }
-.charts { display: grid; grid-template-columns: repeat(auto-fill, minmax(380px, 1fr)); gap: 1rem; }
+.charts { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(380px, 100%), 1fr)); gap: 1rem; }
 .chart { width: 100%; height: auto; } .chart text { font: 11px system-ui, "DejaVu Sans", sans-serif; fill: #666; }
 .chart text.title { font-size: 13px; font-weight: 600; fill: #222; }
-.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(290px, 1fr)); gap: 1rem; }
+.pictures { display: grid; grid-template-columns: repeat(auto-fill, minmax(min(290px, 100%), 1fr)); gap: 1rem; }
 figure { margin: 0; } figure img { width: 100%; display: block; } figcaption { font-size: .85rem; }
 .again { color: #1e8ceb; font-weight: 600; } .not-again { color: #d96a00; font-weight: 600; }
 details { margin: .5rem 0; } summary { cursor: pointer; font-weight: 600; } .settings td { font-size: .85rem; }
+p, li, td.text { overflow-wrap: anywhere; }
+@media (max-width: 760px) { body { padding: 0 .7rem; margin: 1rem auto; } .legend .key { white-space: normal; }
+  dl, table, tbody, tr, caption { display: block; } thead { display: none; }
+  tbody th { display: block; padding-top: 1rem; white-space: normal; border-bottom: 2px solid #bbb; }
+  td { display: flex; justify-content: space-between; gap: 1rem; } td.text { display: block; }
+  td::before { content: attr(data-measure); text-align: left; color: #555; font-weight: 400; }
+  dd { margin-bottom: .5rem; } td small { white-space: normal; } }
 @media print { details { display: block; } }
 '''

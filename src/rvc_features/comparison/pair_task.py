@@ -29,6 +29,7 @@ from rvc_features.heap import keep_large_blocks
 
 CURVE = 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0   # epsilons of the curves, in pixels
 SWEEP = 100, 250, 500, 1000, 2000   # points asked for, where time is measured against points
+_SWEEP_REPEATS = 7                  # times, at the least
 
 
 @dataclasses.dataclass(frozen=True)
@@ -89,7 +90,7 @@ def measure(pair: Pair, settings: Settings) -> dict[str, Any]:
         for contestant, sweep in zip(group, _sweeps(group, pair.first, settings)):
             measured[contestant.label]['sweep'] = sweep
     return {'contestants': measured, 'epsilons': settings.all_epsilons(), 'versions': versions(),
-            'machine': _machine(), 'concurrent': settings.concurrent}
+            'machine': _machine(), 'date': time.strftime('%Y-%m-%d'), 'concurrent': settings.concurrent}
 
 
 def versions() -> dict[str, str]:
@@ -182,7 +183,7 @@ def _sweeps(group: Sequence[Contestant], image: np.ndarray, settings: Settings) 
     for count in SWEEP:
         asked = [(number, each.asked_for(count)) for number, each in enumerate(group)]
         limited = [(number, each) for number, each in asked if each is not None]
-        points, milliseconds = _detected([each for _, each in limited], [image], settings.repeats)
+        points, milliseconds = _detected([each for _, each in limited], [image], max(settings.repeats, _SWEEP_REPEATS))
         for (number, _), found, times in zip(limited, points[0], milliseconds[0]):
             sweeps[number].append((len(found), float(np.median(times))))
     return sweeps

@@ -54,6 +54,22 @@ _STRIP, _GAP = 40, 10   # pixels: the text above a picture, and between pictures
 _PLAIN_WIDTH = 400      # pixels: of wider pictures the letters grow with the width
 
 
+def with_legend(mosaic: np.ndarray, pair: Pair, epsilon: float) -> np.ndarray:
+    """The mosaic of a pair with a line below it that says which image it is, and what the colours mean."""
+    name = f'{pair.group}, {pair.name}'
+    entries = [(AGAIN, f'found again within {epsilon:g} px'), (NOT_AGAIN, 'not found again'),
+               (NOT_SEEN, 'outside the first image')] if pair.homography is not None else [(AGAIN, 'a point')]
+    size = max(1.0, mosaic.shape[1] / (2 * _PLAIN_WIDTH))
+    line = round(18 * size)
+    strip = np.full((line * (1 + len(entries)) + line // 2, mosaic.shape[1], 3), 255, np.uint8)
+    _write(strip, f'the second image of {name}' if pair.second is not None else name, (2, line), mosaic.shape[1] - 4,
+           0.45 * size, (0, 0, 0))
+    for number, (colour, text) in enumerate(entries, 2):
+        cv2.circle(strip, (line // 2, number * line - line // 4), max(line // 5, 2), colour, -1, cv2.LINE_AA)
+        _write(strip, text, (line + 4, number * line), mosaic.shape[1] - line - 8, 0.45 * size, (0, 0, 0))
+    return np.vstack((mosaic, strip))
+
+
 def _picture(pair: Pair, contestant: Contestant, points: int, epsilon: float, width: int) -> Picture:
     second_image = pair.first if pair.second is None else pair.second
     first = measures.positions(contestant.detect(pair.first)[:points])

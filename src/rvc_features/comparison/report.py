@@ -43,21 +43,22 @@ class Gallery:
 
 def write(folder: str, title: str, sections: Sequence[Section], measured: Sequence[Measured],
           datasets: Sequence[Dataset], contestants: Sequence[Contestant], settings: Settings,
-          gallery: Gallery) -> list[str]:
+          gallery: Gallery, command: str) -> list[str]:
     """Write all files of the report; their paths."""
     epsilon = min(settings.epsilons)
     shown = {name: pictures.of_pair(pair, contestants, settings.points, epsilon, _PICTURE_WIDTH)
              for name, pair in gallery.shown.items()}
     files: dict[str, str | bytes] = {
-        HTML: page(title, sections, measured, datasets, contestants, settings, gallery.shown, shown),
-        MARKDOWN: as_markdown(title, sections, datasets, contestants, settings),
+        HTML: page(title, sections, measured, datasets, contestants, settings, gallery.shown, shown, command),
+        MARKDOWN: as_markdown(title, sections, datasets, contestants, settings, measured, command),
         SUMMARY_CSV: summary_csv(sections),
         PAIRS_CSV: pairs_csv(measured, settings)}
     if gallery.shown:
         best_known = max(gallery.shown.values(), key=lambda pair: pair.homography is not None)
         small = pictures.of_pair(best_known, contestants, settings.points, epsilon,
                                  _MOSAIC_WIDTH)
-        files[PICTURE] = _png(pictures.mosaic(small, 2 if len(small) <= 4 else 4))
+        files[PICTURE] = _png(pictures.with_legend(pictures.mosaic(small, 2 if len(small) <= 4 else 4), best_known,
+                                                  epsilon))
     paths = []
     for name, content in files.items():
         paths.append(os.path.join(folder, name))

@@ -24,6 +24,7 @@ class Measured:
     change: float | None
     note: str
     shape: tuple[int, int]
+    paired: bool               # or a single image, as the last frame of a recording is
     result: dict[str, Any]
 
 

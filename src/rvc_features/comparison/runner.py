@@ -44,7 +44,7 @@ def run(datasets: Sequence[Dataset], settings: Settings, store: Store, executor:
             key = pair_task.key(pair, settings)
             height, width = pair.first.shape
             order.append((key, Measured(dataset.name, pair.group, pair.name, pair.change, pair.note,
-                                        (height, width), {})))
+                                        (height, width), pair.second is not None, {})))
             if key in results or key in under_way.values():
                 continue
             saved = store.load(key)
@@ -95,7 +95,7 @@ class Progress:
             self.bar.set_postfix_str(text, refresh=False)
             self.bar.update()
         elif self.done * 10 // (self.total or 1000) > (self.done - 1) * 10 // (self.total or 1000):
-            self.stream.write(f'{self.done} of {self.total or "an unknown number of"} pairs; {text}\n')
+            self.stream.write(f'{self.done} of {self.total or "an unknown number"} measured; {text}\n')
             self.stream.flush()
 
     def close(self) -> None:
@@ -108,4 +108,4 @@ def _bar(total: int | None, stream: Any) -> Any:
         from tqdm import tqdm
     except ImportError:    # then there are lines, as where there is no terminal
         return None
-    return tqdm(total=total, unit='pair', file=stream)
+    return tqdm(total=total, unit='job', file=stream)

@@ -126,27 +126,46 @@ def _change_curve(group: str, unit: str, column: Column, chosen: Sequence[Measur
 
 def _notes(kind: str, chosen: Sequence[Measured], datasets: Sequence[data.Dataset], labels: Sequence[str],
            points: int) -> tuple[str, ...]:
-    notes = [f'{pair.group}, {pair.name}: {pair.note}.' for pair in chosen if pair.note]
+    noted: dict[str, list[str]] = {}
+    for pair in chosen:
+        if pair.note:
+            noted.setdefault(pair.note, []).append(f'{pair.group}, {pair.name}')
+    notes = [f'{_some(places)}: {note}.' for note, places in noted.items()]
     for dataset in datasets:
         if dataset.skipped:
             frames = 'frame' if len(dataset.skipped) == 1 else 'frames'
             notes.append(f'{dataset.name}: {len(dataset.skipped)} {frames} could not be decoded, and skipped; '
                          f'the first: {dataset.skipped[0]}.')
-    if len(chosen) == 1:
+    pairs = sum(pair.paired for pair in chosen)
+    if pairs == 1:
         notes.append('There is one pair only: no interval can be given, and a small difference means nothing.')
+    elif pairs == 0:
+        notes.append('There is no pair of images: each is looked at by itself, and nothing is found again.')
     fewer: dict[int, list[str]] = {}
     for label in labels:
         short = sum(1 for pair in chosen if min(pair.result['contestants'][label]['found']) < points)
         fewer.setdefault(short, []).append(label)
     for short, those in fewer.items():
         if short:
-            notes.append(f'Fewer than {points} points on {short} of {len(chosen)} pairs: {"; ".join(those)}. Fewer are '
-                         'compared there, usually better ones, so the comparison with the others is not quite fair.')
-    if kind == data.FRAMES and any('tracked' not in pair.result['contestants'][labels[0]] for pair in chosen[:-1]):
-        notes.append('Where two images that follow each other differ in size, nothing is tracked.')
+            notes.append(f'Fewer than {points} points in {short} of {len(chosen)} measurements: {"; ".join(those)}. '
+                         'Fewer are compared there, usually better ones, so the comparison with the others is not '
+                         'quite fair.')
     return tuple(notes)
 
 
-def _sweep(chosen: Sequence[Measured], label: str) -> list[tuple[int, float]]:
-    return next((pair.result['contestants'][label]['sweep'] for pair in chosen
-                 if 'sweep' in pair.result['contestants'][label]), [])
+def _some(places: Sequence[str]) -> str:
+    """The first places of a note, and how many there are."""
+    if len(places) <= _PLACES:
+        return '; '.join(places)
+    return f'{"; ".join(places[:_PLACES])}; and {len(places) - _PLACES} more'
+
+
+_PLACES = 3
+
+
+def _sweep(chosen: Sequence[Measured], label: str) -> list[tuple[float, float]]:
+    """Of each number of points asked for, points found and milliseconds: medians over the images it was tried on."""
+    sweeps = [pair.result['contestants'][label]['sweep'] for pair in chosen
+              if pair.result['contestants'][label].get('sweep')]
+    return [(median([[found for found, _ in step]]) or 0.0, median([[ms for _, ms in step]]) or 0.0)
+            for step in zip(*sweeps)]

@@ -60,14 +60,21 @@ class Table:
     columns: tuple[Column, ...]
     labels: tuple[str, ...]
     rows: tuple[tuple[Cell, ...], ...]
-    pairs: int
+    pairs: int                    # of two images each
+    single: int = 0               # images beside them that have no second one
+
+    def basis(self) -> str:
+        """What the numbers are means over, in words."""
+        pairs = f'{self.pairs} pair{"s" * (self.pairs != 1)}'
+        images = f'{self.single} single image{"s" * (self.single != 1)}'
+        return f'{pairs} and {images}' if self.pairs and self.single else images if self.single else pairs
 
 
 def table(title: str, columns: Sequence[Column], chosen: Sequence[Measured], labels: tuple[str, ...],
           seed: int) -> Table:
     """Contestants by intervals."""
     by_column = [cells(column, chosen, labels, seed) for column in columns]
-    return Table(title, tuple(columns), labels, tuple(zip(*by_column)), len(chosen))
+    return Table(title, tuple(columns), labels, tuple(zip(*by_column)), *_counts(chosen))
 
 
 def cells(column: Column, chosen: Sequence[Measured], labels: tuple[str, ...], seed: int) -> list[Cell]:
@@ -106,7 +113,12 @@ def breakdown(column: Column, chosen: Sequence[Measured], groups: Sequence[str],
     for group in groups:
         columns.append(dataclasses.replace(column, title=group, unit=''))
         by_group.append(cells(column, [pair for pair in chosen if pair.group == group], labels, seed))
-    return Table(column.heading, tuple(columns), labels, tuple(zip(*by_group)), len(chosen))
+    return Table(column.heading, tuple(columns), labels, tuple(zip(*by_group)), *_counts(chosen))
+
+
+def _counts(chosen: Sequence[Measured]) -> tuple[int, int]:
+    pairs = sum(each.paired for each in chosen)
+    return pairs, len(chosen) - pairs
 
 
 def _quartiles(chosen: Sequence[Measured], label: str) -> tuple[float, float, float]:
