@@ -306,6 +306,19 @@ def test_bad_image(name, wanted, capfd):
         to_array(make(), wanted)
 
 
+def test_values_from_outside_are_cut_before_they_are_shown():
+    long = 'x' * 20_000_000
+    for message in (raw(quadrants('mono8'), long), damaged(jpeg(), format=long),
+                    damaged(jpeg(), format=f'{long}; jpeg'), damaged(png(), format=f'mono8;{long}'),
+                    damaged(png(), format=long, data=b'')):
+        refused = []
+        try:
+            to_array(message)
+        except ImageError as error:
+            refused.append(str(error))
+        assert len(''.join(refused)) < 300
+
+
 def test_a_lie_about_png_or_jpeg_is_harmless():
     message = damaged(png(), format='bgr8; jpeg compressed bgr8')
     np.testing.assert_array_equal(to_array(message), quadrants('bgr8'))

@@ -10,6 +10,7 @@ import sensor_msgs.msg
 from std_msgs.msg import Header
 
 from rvc_features import still_images
+from rvc_features.brief import shown
 from rvc_features.image_transport.encodings import (
     COLOUR_OF_FOUR,
     COLOURS,
@@ -104,7 +105,7 @@ def decompressed(message: Any, wanted: str, megapixels: float = MEGAPIXELS) -> t
     except TooLargeError as error:
         raise ImageError(f'{error} (parameter ~most_megapixels)') from None
     except StillImageError as error:
-        raise ImageError(f'{error} (format {message.format[:50]!r})') from None
+        raise ImageError(f'{error} (format {shown(message.format)})') from None
     return (array, stored) if wanted != 'passthrough' else (recoloured(array, stored, encoding), encoding)
 
 
@@ -131,7 +132,7 @@ def _reconciled(text: str, declared: str | None, is_rgb: bool, still: Still) -> 
     if declared in COLOUR_OF_FOUR and channels < 4:
         declared = COLOUR_OF_FOUR[declared]   # a name that says what the fourth channel was
     declared_dtype, declared_channels = layout(declared)
-    lies = f'format {text[:50]!r} does not fit the data: {channels} channels of {bits} bits'
+    lies = f'format {shown(text)} does not fit the data: {channels} channels of {bits} bits'
     if declared_dtype == np.uint16 and bits == 8 and still.kind == 'jpeg':
         if 'compressed bgr8' not in text and 'compressed rgb8' not in text:
             raise ImageError(f'{lies}, as JPEG has them (where it is sent: dynparam set TOPIC/compressed format png)')

@@ -14,6 +14,8 @@ import cv2
 import numpy as np
 from cv_bridge import CvBridge, CvBridgeError
 
+from rvc_features.brief import shown
+
 
 class ImageError(ValueError):
     """An image that can't be used; the text says what is wrong with it."""
@@ -25,17 +27,20 @@ COLOURS = ('bgr', 'rgb', 'bgra', 'rgba')
 OF_CHANNELS = {1: 'mono', 3: 'bgr', 4: 'bgra'}   # how OpenCV has images, and what generic encodings are taken for
 COLOUR_OF_FOUR = {'8UC4': 'bgra8', '16UC4': 'bgra16'}   # the fourth channel isn't compressed: a name brings it back
 _GENERIC = re.compile(r'\d+[USF]C\d+')   # a type and a number of channels, but no word of what they mean
+_LONGEST = 40   # characters of an encoding
 _bridge = CvBridge()
 
 
 def layout(encoding: str) -> tuple[np.dtype, int]:
     """Type and number of channels of an encoding."""
     try:
+        if len(encoding) > _LONGEST:
+            raise CvBridgeError
         dtype, channels = _bridge.encoding_to_dtype_with_channels('yuv422' if encoding in YUV else encoding)
         if _GENERIC.fullmatch(encoding) and not encoding.endswith(f'C{channels}'):   # 8UC0, 8UC513
             raise CvBridgeError
     except CvBridgeError:
-        raise ImageError(f'unknown encoding {encoding!r}') from None
+        raise ImageError(f'unknown encoding {shown(encoding)}') from None
     return np.dtype(dtype), channels
 
 

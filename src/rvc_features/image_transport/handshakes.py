@@ -18,10 +18,11 @@ import rospy
 import rospy.impl.tcpros_base
 from rosgraph.network import decode_ros_handshake_header, write_ros_handshake_header
 
+from rvc_features.brief import reporter, shown
+
 _SECONDS = 5.0         # that a connection has to say what it wants
 _MOST_WAITING = 100    # connections that haven't yet; one more, and the oldest is closed
 _MOST_BYTES = 1 << 16  # of a header; with it comes the definition of the message
-_WARNING_PERIOD = 60.0
 
 
 class Handshakes:
@@ -76,8 +77,8 @@ class Handshakes:
         if rospy.core.is_shutdown_requested():
             return
         self._refused += 1
-        rospy.logwarn_throttle(_WARNING_PERIOD, f'connection from {address[0]} refused, {self._refused} so far: '
-                                                f'{problem[:200]!r}')
+        reporter().say(rospy.logwarn, 'handshakes',
+                       f'connection from {address[0]} refused, {self._refused} so far: {shown(problem)}')
 
 
 def limit_handshakes() -> None:

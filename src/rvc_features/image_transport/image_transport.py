@@ -8,6 +8,7 @@ from typing import Any, Callable, Iterable
 import rosgraph.names
 import rospy
 
+from rvc_features.brief import shown
 from rvc_features.image_transport import transports as known
 from rvc_features.image_transport.handshakes import limit_handshakes
 from rvc_features.image_transport.publisher import Publisher
@@ -121,7 +122,7 @@ def most_megapixels() -> float:
     asked = rospy.get_param('~most_megapixels', MEGAPIXELS)
     if isinstance(asked, (int, float)) and not isinstance(asked, bool) and 0 < asked <= _MOST_MEGAPIXELS:
         return float(asked)
-    rospy.logwarn(f'~most_megapixels must be a number above 0 and up to {_MOST_MEGAPIXELS:g}; got {str(asked)[:50]!r}, '
+    rospy.logwarn(f'~most_megapixels must be a number above 0 and up to {_MOST_MEGAPIXELS:g}; got {shown(asked)}, '
                   f'{MEGAPIXELS:g} is used')
     return MEGAPIXELS
 
@@ -130,7 +131,7 @@ def known_transport(reject: Callable[[str], None] = rospy.logwarn) -> TransportH
     """What ~image_transport says; where there is no such transport, raw, and a sentence to `reject`."""
     asked = str(TransportHints().get_transport())
     if asked not in TRANSPORTS:
-        reject(f"~image_transport must be one of {', '.join(sorted(TRANSPORTS))}; got {asked[:50]!r}, 'raw' is used")
+        reject(f"~image_transport must be one of {', '.join(sorted(TRANSPORTS))}; got {shown(asked)}, 'raw' is used")
         asked = 'raw'
     return TransportHints(asked, parameter_name='image_transport_in_use')
 
@@ -140,6 +141,6 @@ def _enabled_transports(base_topic: str) -> list[str]:
     parameter = f'{base_topic}/disable_pub_plugins'
     disabled = rospy.get_param(parameter, [])
     if not isinstance(disabled, list):
-        rospy.logwarn(f'{parameter} must be a list such as [image_transport/compressed]; got {disabled!r}')
+        rospy.logwarn(f'{parameter} must be a list such as [image_transport/compressed]; got {shown(disabled)}')
         disabled = []
     return [name for name in TRANSPORTS if f'image_transport/{name}' not in disabled]

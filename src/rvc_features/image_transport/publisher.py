@@ -10,11 +10,10 @@ import rospy
 import sensor_msgs.msg
 from std_msgs.msg import Header
 
+from rvc_features.brief import reporter
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import Image, to_image_message
 from rvc_features.image_transport.transports import Transport
-
-WARNING_PERIOD = 5.0   # seconds between two reports of the same trouble
 
 
 class Publisher:
@@ -137,7 +136,8 @@ class _Outlet(rospy.SubscribeListener):
             message = self._transport.encode(image)
         except ImageError as error:
             self.errors += 1
-            rospy.logwarn_throttle(WARNING_PERIOD, f'{self._topic}: image not sent, {self.errors} so far: {error}')
+            reporter().say(rospy.logwarn, f'sending {self._topic}',
+                           f'{self._topic}: image not sent, {self.errors} so far: {error}')
             return None
         if self._latch:
             self._last_encoded = image, message

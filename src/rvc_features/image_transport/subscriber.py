@@ -6,9 +6,10 @@ from typing import Any, Callable
 
 import rospy
 
+from rvc_features.brief import reporter
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import Image, whole
-from rvc_features.image_transport.publisher import WARNING_PERIOD, num_connections, unregister
+from rvc_features.image_transport.publisher import num_connections, unregister
 from rvc_features.image_transport.transports import TRANSPORTS, Transport
 from rvc_features.image_transport.whole_reads import FIRST_READ, read_messages, received
 
@@ -59,8 +60,8 @@ class Subscriber:
             image = self._transport.decode(whole(message)) if self._decode else message
         except ImageError as error:
             self.errors += 1
-            rospy.logwarn_throttle(WARNING_PERIOD, f'{self.get_topic()}: image skipped, '
-                                                    f'{self.errors} so far: {error}')
+            topic = self.get_topic()
+            reporter().say(rospy.logwarn, f'reading {topic}', f'{topic}: image skipped, {self.errors} so far: {error}')
             return
         callback(image)
 

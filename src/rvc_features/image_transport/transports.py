@@ -9,6 +9,7 @@ import numpy as np
 import rospy
 import sensor_msgs.msg
 
+from rvc_features.brief import shown
 from rvc_features.cfg import CompressedPublisherConfig
 from rvc_features.image_transport.compressed import COMPRESSED_FORMATS, to_compressed_message
 from rvc_features.image_transport.encodings import ImageError
@@ -91,7 +92,7 @@ class CompressedTransport(Transport):
     def update_config(self, config: Any, level: int) -> Any:
         """Callback of dynamic_reconfigure, which has checked the numbers."""
         if config['format'] not in COMPRESSED_FORMATS:
-            rospy.logwarn(f'format must be one of {", ".join(COMPRESSED_FORMATS)}; got {config["format"]!r}, '
+            rospy.logwarn(f'format must be one of {", ".join(COMPRESSED_FORMATS)}; got {shown(config["format"])}, '
                           f'{self._parameters["format"]!r} stays')
             config['format'] = self._parameters['format']
         self._parameters = {name: config[name] for name in self._parameters}
@@ -114,7 +115,7 @@ class CompressedTransport(Transport):
         if asked in _MODES:
             self._mode = asked
         else:
-            rospy.logwarn(f'{namespace}/mode must be one of {", ".join(_MODES)}; got {asked[:50]!r}, '
+            rospy.logwarn(f'{namespace}/mode must be one of {", ".join(_MODES)}; got {shown(asked)}, '
                           f'{self._mode!r} is used')
 
     def decode(self, message: sensor_msgs.msg.CompressedImage) -> sensor_msgs.msg.Image:
@@ -129,5 +130,5 @@ TRANSPORTS: dict[str, type[Transport]] = {'raw': RawTransport, 'compressed': Com
 def create(name: Any) -> Transport:
     """A transport by its name; ValueError with the known names otherwise."""
     if not isinstance(name, str) or name not in TRANSPORTS:
-        raise ValueError(f'unknown image transport {name!r}; there are {", ".join(sorted(TRANSPORTS))}')
+        raise ValueError(f'unknown image transport {shown(name)}; there are {", ".join(sorted(TRANSPORTS))}')
     return TRANSPORTS[name]()

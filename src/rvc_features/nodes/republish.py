@@ -16,6 +16,7 @@ import argparse
 
 import rospy
 
+from rvc_features.brief import shown
 from rvc_features.image_transport import TRANSPORTS, ImageTransport, TransportHints
 from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.spin import spin
@@ -55,7 +56,7 @@ def main() -> int:
 def _run(in_transport: str, out_transport: str | None) -> int:
     asked = TransportHints(in_transport).get_transport()
     if asked not in sorted(TRANSPORTS):
-        rospy.logfatal(f'~image_transport must be one of {", ".join(sorted(TRANSPORTS))}; got {str(asked)[:50]!r}')
+        rospy.logfatal(f'~image_transport must be one of {", ".join(sorted(TRANSPORTS))}; got {shown(asked)}')
         return BAD_ARGUMENT
     Republisher(in_transport, out_transport).run()
     return 0
