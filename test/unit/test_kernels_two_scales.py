@@ -106,18 +106,19 @@ def test_images_too_small_for_the_kernel(shape):
         assert_equal_strength(strength, reference_two_scales(image, 5, 'gaussian'))
 
 
-@pytest.mark.parametrize('shape', [(1, 18), (2, 70), (4, 64), (5, 90), (6, 19), (41, 203), (64, 128)])
+@pytest.mark.parametrize('shape', [(1, 66), (2, 70), (4, 64), (5, 90), (6, 65), (41, 203), (64, 128)])
 def test_contrast_kernels_equal_references(shape):
     for _, image in images(shape):
-        for side in (8, 5):
+        for side in (8, 6):
             sums = contrast.reference_energy_of_cells(image, side)
             assert np.allclose(compiled_contrast.energy_of_cells(image, side), sums, rtol=1e-12)
-        for run in (18, 7):
+        for run in (16, 64):
             means = contrast.reference_noise_of_runs(image, run)
             assert np.allclose(compiled_contrast.noise_of_runs(image, run), means, rtol=1e-12, atol=1e-9)
         x, y = random.uniform(-3, 30, (2, 50))
-        between = contrast.reference_bilinear(image, x, y)
-        assert np.allclose(compiled_contrast.bilinear(image, x, y), between, rtol=1e-12)
+        values = image.astype(np.float32)
+        between = contrast.reference_bilinear(values, x, y)
+        assert np.allclose(compiled_contrast.bilinear(values, x, y), between, rtol=1e-12)
 
 
 def test_too_narrow_for_the_energy_kernel_is_an_error():

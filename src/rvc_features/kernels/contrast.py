@@ -5,48 +5,64 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels.compiler import LEAST_WIDTH, installed, kernel, read_only
-from rvc_features.kernels.rows import (
-    gradient_buffers,
-    next_gradient_parts,
-    reflect,
-    row_length,
-    sobel_gradient,
-    zeros,
-)
+from rvc_features.kernels.rows import reflect, reflect_ends, row_lead, row_length, zeros
 
 if installed:
-    from rvc_features.kernels.vectors import LANES, converted, load, store
+    from rvc_features.kernels.vectors import LANES, converted, load, maximum, store, sum_of
 
-# For their types: what gradients are kept in, and sums of their products.
-_INT16, _INT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.int16, np.int32, np.float64))
+# For their types: what pixels and sums of a few are kept in, and sums of their products or of many.
+_INT16, _INT32, _FLOAT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.int16, np.int32, np.float32, np.float64))
 
 
 def energy_of_cells(image: np.ndarray, side: int) -> np.ndarray:
     """Sums of the squared gradient over squares; reference: `contrast.reference_energy_of_cells`."""
-    image = read_only(image)
-    if image.shape[1] < LEAST_WIDTH:
-        raise ValueError(f'image must be at least {LEAST_WIDTH} pixels wide; got {image.shape[1]}')
+    image = _checked(image)
     exact = image.dtype == np.uint8 and side <= 64   # sums of 64 rows fit in 32 bits
     return _energy_of_cells(image, side, *((_INT16, _INT32) if exact else (_FLOAT64, _FLOAT64)))
 
 
+def noise_of_runs(image: np.ndarray, run: int) -> np.ndarray:
+    """Mean magnitudes of the noise mask over runs of pixels; reference: `contrast.reference_noise_of_runs`.
+
+    `run` is a multiple of `LANES`.
+    """
+    image = _checked(image)
+    return _noise_of_runs(image, run, *((_INT16, _FLOAT32) if image.dtype == np.uint8 else (_FLOAT64, _FLOAT64)))
+
+
+def _checked(image: np.ndarray) -> np.ndarray:
+    if image.shape[1] < LEAST_WIDTH:
+        raise ValueError(f'image must be at least {LEAST_WIDTH} pixels wide; got {image.shape[1]}')
+    return read_only(image)
+
+
 @kernel
-def _energy_of_cells(image, side, gradient, product):
+def _energy_of_cells(image, side, pixel, product):
     """Sums down the columns of each row of squares, then along the row."""
     height, width = image.shape
     cells = np.zeros((-(-height // side), -(-width // side)), np.float64)
-    smoothed, rows, parts = gradient_buffers(width, None, gradient)
-    columns = zeros(row_length(width, 0), product)
-    for y in range(height):
-        next_gradient_parts(image, y, y == 0, None, smoothed, rows, parts)
+    lead = row_lead(1)
+    length = row_length(width, lead)
+    smoothed, falling, columns = zeros(length, pixel), zeros(length, pixel), zeros(length, product)
+    for y in range(0, height, 2):
+        above, here, below = reflect(y - 1, height) * width, y * width, reflect(y + 1, height) * width
         for i in range(0, width, LANES):
-            x_gradient, y_gradient = sobel_gradient(parts, i)
-            x_gradient, y_gradient = converted(x_gradient, product), converted(y_gradient, product)
+            i = min(i, width - LANES)
+            upper, lower = converted(load(image, above + i), pixel), converted(load(image, below + i), pixel)
+            middle = converted(load(image, here + i), pixel)
+            store(smoothed, lead + i, (upper + middle) + (middle + lower))
+            store(falling, lead + i, lower - upper)
+        reflect_ends(smoothed, lead, width, 1)
+        reflect_ends(falling, lead, width, 1)
+        for i in range(lead, lead + width, LANES):
+            x_gradient = converted(load(smoothed, i + 1) - load(smoothed, i - 1), product)
+            middle = load(falling, i)
+            y_gradient = converted((load(falling, i - 1) + middle) + (middle + load(falling, i + 1)), product)
             store(columns, i, load(columns, i) + (x_gradient * x_gradient + y_gradient * y_gradient))
-        if (y + 1) % side == 0 or y == height - 1:
+        if (y + 2) // side > y // side or y + 2 >= height:
             for cell in range(cells.shape[1]):
-                total = columns[0] - columns[0]
-                for i in range(cell * side, min(cell * side + side, width)):
+                total = columns[0] - columns[0]   # zero, of their type
+                for i in range(lead + cell * side, lead + min(cell * side + side, width)):
                     total += columns[i]
                 cells[y // side, cell] = total / 64.0   # the masks over 8
             columns[:] = 0
@@ -54,28 +70,29 @@ def _energy_of_cells(image, side, gradient, product):
 
 
 @kernel
-def _noise_of_runs(image, run):
+def _noise_of_runs(image, run, pixel, number):
+    """The mask down the columns, then along the row."""
     height, width = image.shape
-    runs = width // run
-    rows = max(0, (height - 1) // 4)
-    means = np.empty((rows, runs), np.float64)
-    column = np.empty(width + 2, np.float64)
-    for row in range(rows):
-        y = 4 * row + 2
-        for x in range(width):
-            column[x + 1] = np.float64(image[y - 1, x]) - 2 * np.float64(image[y, x]) + np.float64(image[y + 1, x])
-        column[0], column[width + 1] = column[1 + reflect(-1, width)], column[1 + reflect(width, width)]
-        for i in range(runs):
-            total = 0.0
-            for x in range(i * run, i * run + run):
-                total += abs(column[x] - 2 * column[x + 1] + column[x + 2])
-            means[row, i] = total / run
+    runs, lead = width // run, row_lead(1)
+    means = np.empty((max(0, (height - 1) // 4), runs), np.float64)
+    column = zeros(row_length(width, lead), pixel)
+    nothing = zeros(LANES, number)
+    for row in range(len(means)):
+        here = (4 * row + 2) * width
+        for i in range(0, width, LANES):
+            i = min(i, width - LANES)
+            middle = converted(load(image, here + i), pixel)
+            upper = converted(load(image, here - width + i), pixel) - middle
+            store(column, lead + i, upper - (middle - converted(load(image, here + width + i), pixel)))
+        reflect_ends(column, lead, width, 1)
+        for k in range(runs):
+            total = load(nothing, 0)
+            for i in range(lead + k * run, lead + k * run + run, LANES):
+                middle = load(column, i)
+                value = converted((load(column, i - 1) - middle) - (middle - load(column, i + 1)), number)
+                total += maximum(value, load(nothing, 0) - value)
+            means[row, k] = sum_of(total) / run
     return means.ravel()
-
-
-def noise_of_runs(image: np.ndarray, run: int) -> np.ndarray:
-    """Mean magnitudes of the noise mask over runs of pixels; reference: `contrast.reference_noise_of_runs`."""
-    return _noise_of_runs(read_only(image), run)
 
 
 @kernel

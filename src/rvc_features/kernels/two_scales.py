@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Tuple
+from typing import Any, Tuple
 
 import numpy as np
 
@@ -76,9 +76,9 @@ def _strength_of_rows(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse
     halve(image, halving.astype(column.dtype), halving.astype(row.dtype), row.dtype.type(unit / total), half,
            max(0, first_half - reach), min(height, last_half + reach))
     response = np.empty((height, row_length(width, LANES)), np.float32)
-    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64), None, response, LANES,
+    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, 3), None, response, LANES,
               first_half, last_half)
-    return _response(image, smooth, *_scaled(fine, 1, wide), response, out, 0, first, last)
+    return _response(image, smooth, *_scaled(fine, 1, wide, 4), response, out, 0, first, last)
 
 
 def _total(weights: np.ndarray) -> float:
@@ -86,22 +86,28 @@ def _total(weights: np.ndarray) -> float:
     return 2 * weights.sum() - weights[0]
 
 
-def _scaled(taps: Taps, unit: int, wide: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.float32, np.float32]:
-    """Taps of a scale in their types, and what makes grey values of both terms of the response, computed without."""
+def _scaled(taps: Taps, unit: int, wide: np.ndarray, usual: int) -> tuple[Any, ...]:
+    """Weights of a scale in their types and, of both terms of the response, the factors that make grey values of them.
+
+    Weights come with a tuple as long as the radius where that is the `usual` one: loops over so many are unrolled.
+    """
     window, further, saddle = taps
     smoothing = 16 * unit   # the sum of [1 2 1]^T [1 2 1]
-    return (window.astype(np.float32), further.astype(wide.dtype), np.float32(1 / (8 * smoothing) ** 2),
-            np.float32(saddle / (smoothing * _total(further) ** 2) ** 2))
+    radius, far = len(window) - 1, len(further) - 1
+    corner, shape = 1 / (8 * smoothing) ** 2, saddle / (smoothing * _total(further) ** 2) ** 2
+    return (window.astype(np.float32), (0,) * usual if radius == usual else None, further.astype(wide.dtype),
+            (0,) * far, np.float32(corner), np.float32(shape))
 
 
 @kernel
-def _response(image, smooth, window, further, corner_unit, saddle_unit, coarse, out, margin, first, last):
+def _response(image, smooth, window, known, further, known_further, corner_unit, saddle_unit, coarse, out, margin,
+              first, last):
     """Rows of the response R, or of the strength M where the coarse response is given; returns the largest M.
 
     Two rows at a time, for then each row of products is read half as often. `margin` is where rows of `out` begin.
     """
     height, width = image.shape
-    radius, far = len(window) - 1, len(further) - 1
+    radius, far = _radius(window, known), len(known_further)
     lead = row_lead(max(radius, far))
     length = row_length(width, lead)
     done_products, done_wide = max(0, first - radius), max(0, first - 1)
@@ -127,12 +133,12 @@ def _response(image, smooth, window, further, corner_unit, saddle_unit, coarse, 
         while done_wide <= min(height - 1, y + 2):
             for j in range(2 * far + 1):
                 offsets[j] = reflect(done_wide - far + j, height) % slots * length + lead
-            _widen_row(smoothed, offsets, further, column_of_smoothed, lead, width, wide, done_wide % 4)
+            _widen_row(smoothed, offsets, further, far, column_of_smoothed, lead, width, wide, done_wide % 4)
             done_wide += 1
         for j in range(2 * radius + 2):
             offsets[j] = reflect(y - radius + j, height) % product_slots * 3 * length + lead
         for part in range(3):
-            _weigh_rows(products, offsets, part * length, window, width, columns, part * length + lead)
+            _weigh_rows(products, offsets, part * length, window, radius, width, columns, part * length + lead)
         for row in range(min(2, last - y)):
             for part in range(3):
                 reflect_ends(columns[row, part], lead, width, radius)
@@ -140,9 +146,15 @@ def _response(image, smooth, window, further, corner_unit, saddle_unit, coarse, 
                 enlarge_row(coarse, y + row, enlarged, lead, width)
             for j in range(3):
                 offsets[j] = reflect(y + row - 1 + j, height) % 4 * length + lead
-            _respond(columns, row * 3 * length + lead, window, wide, offsets, corner_unit, saddle_unit, coarse,
+            _respond(columns, row * 3 * length + lead, window, radius, wide, offsets, corner_unit, saddle_unit, coarse,
                      enlarged, lead, out, (y + row) * out.shape[1] + margin, width, largest)
     return largest.max()
+
+
+@kernel
+def _radius(weights, known):
+    """Number of weights on either side of the middle one; the length of the tuple is known to the compiler."""
+    return len(weights) - 1 if known is None else len(known)
 
 
 @kernel
@@ -186,9 +198,8 @@ def _smooth_row(image, y, column, lead, smoothed, slot):
 
 
 @kernel
-def _widen_row(smoothed, offsets, weights, column, lead, width, wide, slot):
+def _widen_row(smoothed, offsets, weights, far, column, lead, width, wide, slot):
     """One row of the smoothed image smoothed further."""
-    far = len(weights) - 1
     for i in range(0, width, LANES):
         total = splat(weights[0]) * converted(load(smoothed, offsets[far] + i), weights)
         for j in range(1, far + 1):
@@ -206,9 +217,9 @@ def _widen_row(smoothed, offsets, weights, column, lead, width, wide, slot):
 
 
 @kernel
-def _weigh_rows(products, offsets, start, weights, width, columns, to):
+def _weigh_rows(products, offsets, start, weights, radius, width, columns, to):
     """Weighted sums down the columns, for one row and for the next, which begins one row of products later."""
-    next_row, radius = 3 * columns.shape[2], len(weights) - 1
+    next_row = 3 * columns.shape[2]
     for i in range(0, width, LANES):
         at = start + i
         low, high = load(products, offsets[0] + at), load(products, offsets[2 * radius + 1] + at)
@@ -224,10 +235,10 @@ def _weigh_rows(products, offsets, start, weights, width, columns, to):
 
 
 @kernel
-def _respond(columns, start, weights, wide, offsets, corner_unit, saddle_unit, coarse, enlarged, lead, out, to, width,
-             largest):
+def _respond(columns, start, weights, radius, wide, offsets, corner_unit, saddle_unit, coarse, enlarged, lead, out, to,
+             width, largest):
     """One row of R or M from the weighted sums down the columns and from three rows of what was smoothed further."""
-    stride, radius = columns.shape[2], len(weights) - 1
+    stride = columns.shape[2]
     corner_unit, saddle_unit, sixteenth = splat(corner_unit), splat(saddle_unit), splat(np.float32(1 / 16))
     zero, tiny = splat(np.float32(0)), splat(np.float32(1e-30))   # no trace is as small, but where it is 0
     most = load(largest, 0)

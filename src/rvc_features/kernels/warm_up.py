@@ -42,7 +42,7 @@ def compile_all() -> float:
                 values, _ = response.response(image, 5, window, 0.04, derivative_sigma)
         weights = np.array([2.0, 1.0])
         two_scales.strength(image, weights, (weights, weights, 1.0), (weights, weights, 1.0))
-        contrast.noise_of_runs(image, 40)
+        contrast.noise_of_runs(image, 16)
         contrast.bilinear(contrast.energy_of_cells(image, 8).astype(np.float32), np.ones(1), np.ones(1))
         x, y = maxima.refine(values, *maxima.local_maxima(values, 10.0))
         orientation.smoothed_gradients(image, x, y, 2.5)
