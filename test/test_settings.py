@@ -61,7 +61,7 @@ class TestSettings(unittest.TestCase):
                              ('everything', ['rosparam', 'dump', files['everything']])):
             result = run(*map(str, command))
             self.assertEqual(result.returncode, 0, f'{way}: {result.stderr}')
-        # What rqt_reconfigure's Save does (param_updater, param_groups.py): the client's configuration, as it is.
+        # What rqt_reconfigure's Save writes: the client's configuration, as it is.
         files['rqt'].write_text(yaml.dump(self.client.get_configuration(SECONDS)))
         files['hand'].write_text('# for the hall\n' + ''.join(f'{name}: {value}\n' for name, value in TUNED.items()))
         self.assertIn('!!python/object', files['dynparam'].read_text())
