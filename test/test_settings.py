@@ -83,6 +83,9 @@ class TestSettings(unittest.TestCase):
             <include file="$(find rvc_features)/launch/feature_detector.launch">
               <arg name="name" value="overruled"/><arg name="detector" value="fast"/>
               <arg name="config" value="{files['dynparam']}"/>
+            </include>
+            <include file="$(find rvc_features)/launch/feature_detector.launch">
+              <arg name="name" value="preset"/><arg name="preset" value="even"/>
             </include></launch>''')
         everything = yaml.safe_load(files['everything'].read_text())
         files['everything'].write_text(yaml.safe_dump({'again_everything': everything}))
@@ -94,6 +97,8 @@ class TestSettings(unittest.TestCase):
                 self.assertFalse(rospy.has_param(f'/again_{way}/{names.get(way, way)}/config'), 'taken once only')
             overruled = self.values_of(Client('/overruled', timeout=SECONDS))
             self.assertEqual(overruled, {**self.defaults, **TUNED, 'detector': 'fast'})
+            preset = self.values_of(Client('/preset', timeout=SECONDS))
+            self.assertEqual(preset, {**self.defaults, **settings.of_preset('even')})
         finally:
             launched.terminate()
             launched.wait(SECONDS)
@@ -138,6 +143,8 @@ class TestSettings(unittest.TestCase):
                 window.load(str(file))
                 self.assertIn('nothing', window.status.get())
                 pump(node_has(threshold=0.07), 'what is known is taken')
+                window.take_preset('matching')
+                pump(node_has(**settings.of_preset('matching')), 'preset')
                 window.load(str(self.folder / 'none.yaml'))
                 self.assertIn('No such file', window.status.get())
             finally:

@@ -1,9 +1,14 @@
 """Files of parameters: what each tool writes is read, and what we write each tool reads."""
 
+from pathlib import Path
+
 import pytest
 import yaml
 
-from rvc_features.nodes import settings
+from rvc_features import detectors, presets
+from rvc_features.nodes import detector_config, settings
+
+CONFIG = Path(__file__).resolve().parents[2] / 'config'
 
 PLAIN = 'ANMS: true\nANMS_points: 120\ndetector: orb\nthreshold: 0.02\n'
 
@@ -85,3 +90,23 @@ def test_written_plainly_in_the_order_given(tmp_path):
     settings.write(file, {'threshold': 0.02, 'detector': 'orb'}, 'For halls.\nCosts nothing.')
     assert file.read_text() == '# For halls.\n# Costs nothing.\nthreshold: 0.02\ndetector: orb\n'
     assert yaml.safe_load(file.read_text()) == settings.read(file) == {'threshold': 0.02, 'detector': 'orb'}
+
+
+@pytest.mark.parametrize('name', presets.names())
+def test_a_preset_as_settings_is_the_preset(name):
+    assert detector_config.create(settings.of_preset(name)) == presets.create(name)
+    assert detector_config.create(settings.read(CONFIG / f'{name}.yaml')) == presets.create(name)
+    assert detectors.create('harris', **presets.values(name)) == presets.create(name)
+
+
+def test_the_files_of_the_presets_are_as_they_are_made(tmp_path):
+    settings.write_presets(tmp_path)
+    made = {file.name: file.read_text() for file in tmp_path.iterdir()}
+    there = {file.name: file.read_text() for file in CONFIG.glob('*.yaml')}
+    assert there == made, './run exec python3 -m rvc_features.nodes.settings config'
+    assert all(text.startswith('# ') and text.splitlines()[1].startswith('# ') for text in made.values())
+
+
+def test_an_unknown_preset():
+    with pytest.raises(ValueError, match="unknown preset 'odd'; there are course, even, matching, repeatable"):
+        settings.of_preset('odd')

@@ -23,6 +23,8 @@ Parameters
         Transport of `in`.
     ~detector_modules (list of strings, default: empty)
         Python modules to import at start that register detectors of their own.
+    ~preset (string, default: none)
+        Name of a preset to start with, as in config/: course, even, matching, repeatable.
     ~config (string, default: none)
         File of dynamic parameters to start with, as dynparam, rqt_reconfigure or rosparam save it; or its text.
     ~least_key_points (int, default: 10)

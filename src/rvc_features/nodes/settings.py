@@ -3,14 +3,20 @@
 `rosrun dynamic_reconfigure dynparam dump` and rqt's *Save* write YAML with a Python tag, which roslaunch and `rosparam
 load` refuse; `rosparam dump` writes it plain, with the names of nodes above when nobody asked for one node only; and
 people write a few lines by hand. `parse` takes them all.
+
+The presets as such files are in config/; `python3 -m rvc_features.nodes.settings FOLDER` writes them anew.
 """
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 from typing import Any
 
 import yaml
+
+from rvc_features import presets
+from rvc_features.nodes import detector_config
 
 
 class SettingsError(Exception):
@@ -88,3 +94,20 @@ def write(path: str | Path, values: dict[str, Any], comment: str = '') -> None:
         Path(path).write_text(text, encoding='utf-8')
     except OSError as error:
         raise SettingsError(f'{path}: {error.strerror}') from None
+
+
+def of_preset(name: str) -> dict[str, Any]:
+    """The dynamic parameters that a preset sets; ValueError with the known names for an unknown one."""
+    return {'detector': 'harris',
+            **{detector_config.key('harris', field): value for field, value in presets.values(name).items()}}
+
+
+def write_presets(folder: Path) -> None:
+    """Write a file for each preset, which says what it is for and what it costs."""
+    for name in presets.names():
+        preset = presets.get(name)
+        write(folder / f'{name}.yaml', of_preset(name), f'{preset.purpose}\n{preset.cost}')
+
+
+if __name__ == '__main__':
+    write_presets(Path(sys.argv[1]))

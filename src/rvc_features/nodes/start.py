@@ -32,11 +32,12 @@ def only_ros_arguments(name: str, description: str) -> None:
 
 
 def take_settings(known: Collection[str]) -> list[str]:
-    """Turn ~config into private parameters, before a dynamic_reconfigure server reads them.
+    """Turn ~preset and ~config into private parameters, before a dynamic_reconfigure server reads them.
 
-    ~config is a file of parameters or the text in one (so that a launch file can give a file that is not on the node's
-    machine). Its values win over what is on the parameter server, and `_name:=value` on the command line over both.
-    It is taken away, so that a later start without it does not come back to it.
+    ~preset is the name of a preset; ~config is a file of parameters or the text in one (so that a launch file can give
+    a file that is not on the node's machine). Their values win over what is on the parameter server, the file's over
+    the preset's, and `_name:=value` on the command line over all. Both are taken away, so that a later start without
+    them does not come back to them.
 
     Parameters
     ----------
@@ -48,17 +49,30 @@ def take_settings(known: Collection[str]) -> list[str]:
     list of str
         A sentence for each thing that can't be used.
     """
-    config = str(rospy.get_param('~config', ''))
-    if not config:
-        return []
-    rospy.delete_param('~config')
-    try:
-        text = '\n' in config or ': ' in config
-        values = settings.parse(config, rospy.get_name()) if text else settings.read(config, rospy.get_name())
-    except settings.SettingsError as error:
-        return [f'~config: {error}']
+    preset, config = _taken('~preset'), _taken('~config')
+    values: dict[str, Any] = {}
+    problems = []
+    if preset:
+        try:
+            values.update(settings.of_preset(preset))
+        except ValueError as error:
+            problems.append(f'~preset: {error}')
+    if config:
+        try:
+            text = '\n' in config or ': ' in config
+            values.update(settings.parse(config, rospy.get_name()) if text
+                          else settings.read(config, rospy.get_name()))
+        except settings.SettingsError as error:
+            problems.append(f'~config: {error}')
     given = {name[1:] for name in (argument.partition(':=')[0] for argument in sys.argv[1:]) if name.startswith('_')}
-    return _set(values, given, known)
+    return problems + _set(values, given, known)
+
+
+def _taken(name: str) -> str:
+    value = rospy.get_param(name, '')
+    if value != '':
+        rospy.delete_param(name)
+    return str(value)
 
 
 def _set(values: dict[str, Any], given: set[str], known: Collection[str]) -> list[str]:

@@ -23,6 +23,7 @@ import rospy
 from dynamic_reconfigure import DynamicReconfigureException, find_reconfigure_services
 from dynamic_reconfigure.client import Client
 
+from rvc_features import presets
 from rvc_features.nodes import settings
 from rvc_features.windows.panel import Panel
 
@@ -142,6 +143,10 @@ class SlidersWindow:
         left_out = f', but for {", ".join(unknown)}, which {self.nodes.get()} has not' if unknown else ''
         self._send(known, path + left_out)
 
+    def take_preset(self, name: str) -> None:
+        """Send the values of one of our presets; only a feature detector has them all."""
+        self._send(settings.of_preset(name), f'{name}. {presets.get(name).purpose} {presets.get(name).cost}')
+
     def save(self, path: str) -> None:
         """Write the values that are in force."""
         try:
@@ -167,6 +172,9 @@ class SlidersWindow:
                               ('Reset', self.reset)):
             self.buttons[text] = ttk.Button(bar, text=text, command=command)
             self.buttons[text].pack(side='left')
+        self.presets = ttk.Combobox(bar, state='disabled', values=presets.names(), width=12)
+        self.presets.bind('<<ComboboxSelected>>', lambda _: self.take_preset(self.presets.get()))
+        self.presets.pack(side='left')
         bar.pack(fill='x', padx=4, pady=4)
 
     def _with_file(self, ask: Callable[..., str], use: Callable[[str], None]) -> None:
@@ -207,6 +215,9 @@ class SlidersWindow:
         values = self.values
         self._forget()
         self._descriptions = descriptions
+        ours = set(settings.of_preset(presets.names()[0])) <= {entry['name'] for entry in descriptions}
+        self.presets.configure(state='readonly' if ours else 'disabled')
+        self.presets.set('preset' if ours else '')
         self.panel = Panel(self.root, descriptions, self._change, self.status.set)
         self.panel.pack(fill='both', expand=True)
         self._show(values)
