@@ -50,4 +50,4 @@ def test_frames_of_any_shape(shape):
 
 
 def test_what_did_not_come_is_a_dash():
-    assert summary(phases()).splitlines()[1].split() == ['street', 'threshold', '0.01', '0', '0', '-', '-']
+    assert summary(phases()).splitlines()[2].split() == ['street', 'strongest', '150', '0', '0', '-', '-']

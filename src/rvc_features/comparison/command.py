@@ -46,6 +46,8 @@ def _parser() -> argparse.ArgumentParser:
                       help='a photograph to put under known changes; may be repeated')
     what.add_argument('--examples', action='store_true',
                       help='a real pair, photographs and a video that come with Debian\'s opencv-doc')
+    what.add_argument('--or-examples', action='store_true',
+                      help='the same where nothing else is named to compare on, as ./run compare does')
     what.add_argument('--every', type=at_least(1), default=1, metavar='N',
                       help='take every N-th frame of videos, bags and images (default: %(default)s)')
     what.add_argument('--maximum-frames', type=at_least(1), metavar='N', help='stop after N frames of each input')

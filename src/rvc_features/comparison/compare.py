@@ -90,7 +90,7 @@ def _datasets(given: argparse.Namespace) -> list[Dataset]:
     chosen = inputs.open_inputs(given.input, options)
     chosen += [sequences.single_pair(first, second, homography, options) for first, second, homography in given.pair]
     chosen += [inputs.synthetic(path, options) for path in given.photograph]
-    if given.examples:
+    if given.examples or (given.or_examples and not chosen):
         chosen += inputs.examples(options)
     return with_distinct_names(chosen or [inputs.synthetic(None, options)])
 

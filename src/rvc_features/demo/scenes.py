@@ -11,18 +11,26 @@ from typing import Any
 import numpy as np
 
 from rvc_features import key_points as kp
+from rvc_features import presets
 from rvc_features.recordings.bags import BagImages
 from rvc_features.recordings.image_sources import ImageFiles, Video
 from rvc_features.recordings.make_bag import make_bag
 
+
+def _of_preset(name: str, **others: Any) -> dict[str, Any]:
+    """What a preset changes, as the node spells it, and others."""
+    return {**{f'ANMS{key[4:]}' if key.startswith('anms') else key: value
+               for key, value in presets.get(name).values.items()}, **others}
+
+
 # What is shown, in order; each setting starts from the node's defaults.
 SETTINGS: tuple[tuple[str, dict[str, Any]], ...] = (
-    ('threshold 0.01', {}),
-    ('threshold 0.1', {'threshold': 0.1}),
+    ('repeatable (default)', _of_preset('repeatable')),
     ('strongest 150', {'fixed_number_of_points': True, 'number_of_points': 150}),
-    ('ANMS 150', {'ANMS': True, 'ANMS_points': 150}),
-    ('ANMS 150, window 15', {'ANMS': True, 'ANMS_points': 150, 'window_size': 15}),
-    ('ANMS 150, 4 octaves', {'ANMS': True, 'ANMS_points': 150, 'octaves': 4}),
+    ('even, 150', _of_preset('even', ANMS_points=150)),
+    ('matching, 150', _of_preset('matching', number_of_points=150)),
+    ('course', _of_preset('course')),
+    ('course, ANMS 150', _of_preset('course', ANMS=True, ANMS_points=150)),
 )
 
 _EXAMPLES = Path('/usr/share/doc/opencv-doc/examples/data')   # of the Debian package opencv-doc
