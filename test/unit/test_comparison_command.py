@@ -266,6 +266,18 @@ def test_help_is_quick_and_names_every_detector():
         assert name in result.stdout
 
 
+def test_the_examples_where_nothing_else_is_named(photograph, monkeypatch):
+    from rvc_features.comparison import compare, inputs
+    monkeypatch.setattr(inputs, 'examples', lambda options: [inputs.synthetic(str(photograph), options)])
+
+    def names(*arguments):
+        given = command._parser().parse_args(['--or-examples', '--workers', '2', *map(str, arguments)])
+        return [dataset.name for dataset in compare._datasets(given)]
+
+    assert names() == ['photo, warped']
+    assert names(photograph.parent) == [photograph.parent.name]
+
+
 def test_without_tqdm_and_yaml(sequence, tmp_path, capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, 'tqdm', None)
     monkeypatch.setitem(sys.modules, 'yaml', None)
