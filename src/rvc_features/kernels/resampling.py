@@ -25,10 +25,13 @@ _INNER, _OUTER = np.float32(9 / 16), np.float32(-1 / 16)   # weights of the two 
 
 
 @kernel
-def halve(image, column_weights, row_weights, scale, half, first, last):
-    """Rows of the smoothed image at half its size: the weighted sum down the columns, then of every second pixel."""
+def halve(image, column_weights, row_weights, known, scale, half, first, last):
+    """Rows of the smoothed image at half its size: the weighted sum down the columns, then of every second pixel.
+
+    Weights begin at the centre; `known` is a tuple of as many as follow, for its length tells the compiler.
+    """
     height, width = image.shape
-    half_width, radius = half.shape[1], len(row_weights) - 1
+    half_width, radius = half.shape[1], len(known)
     lead = row_lead(radius)
     length = row_length(width, lead) + 2 * LANES
     column = zeros(length, column_weights)

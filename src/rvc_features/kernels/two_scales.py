@@ -66,19 +66,20 @@ def _strength_of_rows(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse
     """Fill in the rows from `first` to before `last`; returns the largest value in them."""
     height, width = (image.shape[0] + 1) // 2, (image.shape[1] + 1) // 2   # of the half-size image
     total = int(_total(halving) ** 2)
-    if image.dtype == np.uint8:
+    exact = image.dtype == np.uint8
+    if exact:
         unit, column, row, half_type, smooth, wide = total, _UINT16, _FLOAT32, _INT32, _INT16, _INT32
     else:
         unit, column, row, half_type, smooth, wide = 1, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64
     first_half, last_half = max(0, first // 2 - 1), min(height, (last - 1) // 2 + 3)
     reach = max(len(coarse[0]), len(coarse[1])) + 1
     half = np.empty((height, width), half_type.dtype)
-    halve(image, halving.astype(column.dtype), halving.astype(row.dtype), row.dtype.type(unit / total), half,
-           max(0, first_half - reach), min(height, last_half + reach))
+    halve(image, halving.astype(column.dtype), halving.astype(row.dtype), (0,) * (len(halving) - 1),
+          row.dtype.type(unit / total), half, max(0, first_half - reach), min(height, last_half + reach))
     response = np.empty((height, row_length(width, LANES)), np.float32)
-    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, 3), None, response, LANES,
+    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, 3 if exact else 0), None, response, LANES,
               first_half, last_half)
-    return _response(image, smooth, *_scaled(fine, 1, wide, 4), response, out, 0, first, last)
+    return _response(image, smooth, *_scaled(fine, 1, wide, 4 if exact else 0), response, out, 0, first, last)
 
 
 def _total(weights: np.ndarray) -> float:
@@ -89,7 +90,7 @@ def _total(weights: np.ndarray) -> float:
 def _scaled(taps: Taps, unit: int, wide: np.ndarray, usual: int) -> tuple[Any, ...]:
     """Weights of a scale in their types and, of both terms of the response, the factors that make grey values of them.
 
-    Weights come with a tuple as long as the radius where that is the `usual` one: loops over so many are unrolled.
+    Weights come with a tuple as long as the radius where that is the `usual` one, so that the compiler knows it.
     """
     window, further, saddle = taps
     smoothing = 16 * unit   # the sum of [1 2 1]^T [1 2 1]
