@@ -291,19 +291,19 @@ class ImageTransportTest(unittest.TestCase):
             with Warnings() as texts:
                 assert image_transport.image_transport.most_megapixels() == expected
             assert ('~most_megapixels must be a number' in ''.join(texts)) == (expected == 36.0), value
-        rospy.set_param('~most_megapixels', 0.005)
+        rospy.set_param('~most_megapixels', 0.08)
         self.addCleanup(rospy.delete_param, '~most_megapixels')
         publisher = self.advertise('large')
         _, raw = self.subscribe('large', queue_size=10)
         subscriber, packed = self.subscribe('large', transport_hints=COMPRESSED, queue_size=10)
         wait_until(lambda: publisher.get_num_subscribers() == 2, 'connected')
-        publisher.publish_array(quadrants('mono8'), 'mono8')
+        publisher.publish_array(np.zeros((300, 270), np.uint8), 'mono8')
         with pytest.raises(image_transport.ImageError, match=re.escape(
-                '96 x 64 pixels: more than 0.005 megapixels (parameter ~most_megapixels)')):
+                '270 x 300 pixels: more than 0.08 megapixels (parameter ~most_megapixels)')):
             to_array(raw.get(timeout=PATIENCE))
         wait_until(lambda: subscriber.errors == 1, 'refused')
-        publisher.publish_array(quadrants('mono8')[:64, :64], 'mono8')
-        assert packed.get(timeout=PATIENCE).width == to_array(raw.get(timeout=PATIENCE)).shape[1] == 64
+        publisher.publish_array(quadrants('mono8'), 'mono8')
+        assert packed.get(timeout=PATIENCE).width == to_array(raw.get(timeout=PATIENCE)).shape[1] == 96
 
     def test_a_connection_that_says_nothing_or_rubbish_holds_up_nobody(self):
         publisher = self.advertise('besieged', transports=['raw'])

@@ -18,6 +18,8 @@ Parameters
         Pixels to which wider images are shrunk in the mosaic (not for the detectors).
     ~image_transport (string, default: raw)
         Transport of `in`.
+    ~most_megapixels (number, default: 36)
+        Larger images are refused, in any transport.
     ~detector_modules (list of strings, default: empty)
         Python modules to import at start that register detectors of their own.
 

@@ -21,6 +21,8 @@ Parameters
     Those of cfg/FeatureDetectorConfig.cfg, by dynamic_reconfigure or preset, and
     ~image_transport (string, default: raw)
         Transport of `in`.
+    ~most_megapixels (number, default: 36)
+        Larger images are refused, in any transport.
     ~detector_modules (list of strings, default: empty)
         Python modules to import at start that register detectors of their own.
     ~preset (string, default: none)

@@ -10,7 +10,7 @@ import rospy
 
 from rvc_features.nodes import settings
 
-_ONLY_AT_START = {'config', 'preset', 'image_transport', 'detector_modules'}   # in `rosparam dump`, but not dynamic
+_ONLY_AT_START = {'config', 'preset', 'image_transport', 'most_megapixels', 'detector_modules'}   # not dynamic
 
 _LARGEST = 2 ** 31 - 1   # integer of XML-RPC
 

@@ -8,7 +8,7 @@ MEGAPIXELS = 36.0
 """How large an image may be if nobody says otherwise: video of 8K (33.2 megapixels) and most still cameras pass, and
 the worst that a message of 10 MB can hold takes less than 3 s and 1.5 GB from message to key points."""
 
-_LEAST_SIDE = 64         # pixels; narrower images are counted as if they were that wide, as each row costs something
+_LEAST_SIDE = 256        # pixels; narrower images are counted as if they were that wide, as each row costs something
 _BYTES = 4               # per pixel of the limit, when decoded: BGRA, or progressive JPEG in grey with its coefficients
 _PASSES = 16             # how many scans of a JPEG an image as large as the limit may have; smaller ones more
 _MOST_SCANS = 100        # however small; encoders write about ten
