@@ -68,3 +68,19 @@ def test_letters_fit_their_picture():
 def test_bad_detectors():
     with pytest.raises(ContestantError, match="unknown detector 'surf'"):
         live.contestants(['harris', 'surf'])
+
+
+def test_detectors_that_find_nothing_have_a_tile_too_also_with_numpy_1_17(monkeypatch):
+    """There np.unique(axis=0) fails on no rows at all, and the node published nothing."""
+    unique = np.unique
+
+    def old_unique(array, *arguments, axis=None, **named):
+        if axis is not None and len(array) == 0:
+            raise ValueError('zero-size array to reduction operation')
+        return unique(array, *arguments, axis=axis, **named)
+
+    monkeypatch.setattr(np, 'unique', old_unique)
+    blank = np.full((120, 160), 7, np.uint8)
+    mosaic = live.SideBySide(live.contestants(), 160).mosaic(blank)
+    tile = mosaic[-120:, -160:]
+    assert (tile == 7).all()
