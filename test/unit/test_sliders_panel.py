@@ -14,6 +14,8 @@ DETECTORS = repr({'enum_description': 'Detectors', 'enum': [
     {'name': name, 'type': 'str', 'value': value, 'description': f'the detector {value}'}
     for name, value in (('harris', 'harris'), ('ORB', 'orb'))]})
 
+SCORES = DETECTORS.replace("'orb'", "'fast'")   # another list that has a detector's name in it
+
 
 def description(name, kind, default, low='', high='', text='What it is.', edit_method=''):
     return {'name': name, 'type': kind, 'default': default, 'min': low, 'max': high, 'description': text,
@@ -26,6 +28,7 @@ DESCRIPTIONS = [
     description('threshold', 'double', 0.01, 0.0, 0.2, 'Harris: least share.'),
     description('anms', 'bool', False, False, True, 'HARRIS: evenly.'),
     description('orb_levels', 'int', 8, 1, 16, 'Levels of the pyramid.'),
+    description('orb_score', 'str', 'fast', edit_method=SCORES),
     description('gain', 'double', 1.0, -math.inf, math.inf),
     description('label', 'str', 'left'),
 ]
@@ -118,10 +121,10 @@ def test_each_kind_has_its_widget_and_shows_its_default(window):
     rows = window.panel.rows
     assert {name: type(row).__name__ for name, row in rows.items()} == {
         'detector': '_List', 'window_size': '_Number', 'threshold': '_Number', 'anms': '_Flag', 'orb_levels': '_Number',
-        'gain': '_Number', 'label': '_Entry'}
+        'orb_score': '_List', 'gain': '_Number', 'label': '_Entry'}
     assert {name: row.value for name, row in rows.items()} == {
-        'detector': 'harris', 'window_size': 5, 'threshold': 0.01, 'anms': False, 'orb_levels': 8, 'gain': 1.0,
-        'label': 'left'}
+        'detector': 'harris', 'window_size': 5, 'threshold': 0.01, 'anms': False, 'orb_levels': 8,
+        'orb_score': 'fast', 'gain': 1.0, 'label': 'left'}
     assert rows['detector'].labels == ['harris', 'ORB (orb)']
     assert [rows[name].scale.winfo_ismapped() for name in ('threshold', 'gain')] == [1, 0]
     assert (rows['threshold'].field.get(), rows['threshold'].scale.get()) == ('0.01', 10)
@@ -165,7 +168,7 @@ def test_rows_of_other_choices_are_left_out(window):
     panel.rows['detector'].box.event_generate('<<ComboboxSelected>>')
     window.update()
     assert window.changes == [('detector', 'orb')]
-    assert panel.shown() == ['detector', 'orb_levels', 'gain', 'label']
+    assert panel.shown() == ['detector', 'orb_levels', 'orb_score', 'gain', 'label']
     panel.show({'detector': 'harris', 'threshold': 0.1, 'unknown': 3})
     assert 'threshold' in panel.shown()
     assert panel.rows['threshold'].field.get() == '0.1'

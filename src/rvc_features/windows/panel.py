@@ -17,7 +17,8 @@ class Panel(ttk.Frame):
     """All parameters of a node, one below the other, with a field above that finds some by name.
 
     Rows of a choice that is not taken are left out: where a parameter is a list, those whose names begin with another
-    entry of it, or whose descriptions do (`orb_levels`, or "Orb: levels of the pyramid"), are of no use just then.
+    entry of it, or whose descriptions do (`orb_levels`, or "Orb: levels of the pyramid"), are of no use just then. Only
+    one list chooses that way: the one with the most entries that names of parameters begin with.
 
     Parameters
     ----------
@@ -61,6 +62,8 @@ class Panel(ttk.Frame):
 
         for line, description in enumerate(descriptions):
             self.rows[description['name']] = _row(self._table, line, description, changed, tell)
+        self._choosing = max(self.rows.values(), key=lambda row: sum(
+            any(name.lower().startswith(f'{choice}_') for name in self.rows) for choice in row.choices()), default=None)
         self._lay_out()
 
     def show(self, values: dict[str, Any]) -> None:
@@ -75,7 +78,8 @@ class Panel(ttk.Frame):
         return [name for name, row in self.rows.items() if row.is_visible]
 
     def _lay_out(self) -> None:
-        idle = [choice.lower() for row in self.rows.values() for choice in row.not_chosen()]
+        idle = [choice for choice in self._choosing.choices() if choice != str(self._choosing.value).lower()] \
+            if self._choosing else []
         for name, row in self.rows.items():
             useless = any(name.lower().startswith(f'{choice}_') or row.text.lower().startswith(f'{choice}:')
                           for choice in idle)
@@ -104,8 +108,8 @@ class Row:
         """Show a value that came from elsewhere."""
         raise NotImplementedError
 
-    def not_chosen(self) -> list[str]:
-        """Where this is a list: its other entries."""
+    def choices(self) -> list[str]:
+        """Where this is a list: the values of its entries, in lower case."""
         return []
 
     def set_visible(self, visible: bool) -> None:
@@ -156,8 +160,8 @@ class _List(Row):
         else:
             self.box.set(str(value))
 
-    def not_chosen(self) -> list[str]:
-        return [str(entry['value']) for entry in self._entries if entry['value'] != self.value]
+    def choices(self) -> list[str]:
+        return [str(entry['value']).lower() for entry in self._entries]
 
 
 class _Entry(Row):
