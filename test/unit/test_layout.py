@@ -29,7 +29,10 @@ WITHOUT_ROS = {'kernels', 'top', 'still_images', 'comparison', 'recordings.image
                'recordings.file_times', 'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config',
                'nodes.sliders', 'nodes.newest_worker', 'nodes.settings', 'nodes.statistics',
                'nodes.diagnostics', 'nodes.detector_modules',
-               'windows.panel', 'windows.ranges', 'exercise'}
+               'windows.panel', 'windows.ranges',
+               *(f'exercise.{module}' for module in (
+                   'child', 'command', 'drawings', 'examination', 'findings', 'mistakes', 'mistakes_of_exercise_2',
+                   'pictures', 'questions', 'reference', 'scenes', 'subject'))}
 TOP_WITH_ROS = {'reconfigure'}
 MOST_LINES = 320
 

@@ -26,7 +26,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser.parse_args(arguments)
     try:
         if given.node:
-            from rvc_features.exercise.node_subject import examine_node
+            from rvc_features.exercise.node_checks import examine_node
             examinations = [_report(examine_node(given.node, given.seconds, given.exercise), given)]
         else:
             targets = list(given.class_ or []) + _submissions(given.folder, given.name)

@@ -63,16 +63,17 @@ class Examination:
         return list(dict.fromkeys(name for check in self.checks for name in check.mistakes))
 
 
-def examine(subject: Subject, exercise: int = LAST_EXERCISE) -> Examination:
-    """Ask all there is to ask up to that exercise."""
-    return _Examiner(subject, exercise).run()
+def examine(subject: Subject, exercise: int = LAST_EXERCISE, names: Sequence[str] | None = None) -> Examination:
+    """Ask all there is to ask up to that exercise, or of that only the questions of these names."""
+    return _Examiner(subject, exercise, names).run()
 
 
 class _Examiner:
-    def __init__(self, subject: Subject, exercise: int) -> None:
+    def __init__(self, subject: Subject, exercise: int, names: Sequence[str] | None) -> None:
         self.subject = subject
         self.questions = [question for question in questions()
-                          if not question.decides and question.exercise <= exercise]
+                          if not question.decides and question.exercise <= exercise
+                          and (names is None or question.name in names)]
         self.answers: dict[str, list[Answer]] = {}
         self.result = Examination(subject.name)
 
