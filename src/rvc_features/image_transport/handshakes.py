@@ -87,6 +87,7 @@ def limit_handshakes() -> None:
     server = rospy.impl.tcpros_base._tcpros_server
     if not isinstance(server.tcp_ros_server.inbound_handler, Handshakes):
         server.tcp_ros_server.inbound_handler = Handshakes(server)
+        server.tcp_ros_server.server_sock.listen(_MOST_WAITING)   # rospy lets 5 wait; one more is put off by a second
 
 
 def _read_header(connection: socket.socket) -> dict[str, str]:
