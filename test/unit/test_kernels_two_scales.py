@@ -6,7 +6,7 @@ import pytest
 from conftest import texture
 
 from rvc_features import contrast
-from rvc_features.kernels import compiler
+from rvc_features.kernels import compiler, resampling, warm_up
 from rvc_features.kernels import contrast as compiled_contrast
 from rvc_features.kernels import two_scales as compiled_two_scales
 from rvc_features.two_scales import (
@@ -124,3 +124,12 @@ def test_contrast_kernels_equal_references(shape):
 def test_too_narrow_for_the_energy_kernel_is_an_error():
     with pytest.raises(ValueError, match='at least 18 pixels wide; got 17'):
         compiled_contrast.energy_of_cells(np.zeros((9, 17), np.uint8), 8)
+
+
+def test_warm_up_compiles_for_every_window():
+    warm_up.compile_all()
+    kernels = compiled_two_scales._response, resampling.halve
+    known = [list(kernel.signatures) for kernel in kernels]
+    for window_size, window in ((5, 'gaussian'), (9, 'gaussian'), (5, 'box'), (9, 'box')):
+        strength_and_maximum(texture((60, 80)), window_size, window)
+    assert [list(kernel.signatures) for kernel in kernels] == known
