@@ -18,6 +18,8 @@ def main() -> int:
     parser.add_argument('names', nargs='*', metavar='name', help=f'of {", ".join(NAMES)}; default: all')
     parser.add_argument('--quick', action='store_true', help='fewer sizes, windows and rounds')
     parser.add_argument('--output', type=Path, default=Path('bench_output'), help='folder for JSON and plots')
+    parser.add_argument('--keep', action='store_true', help='keep the results for this machine in benchmarks/results/ '
+                        'and write the tables of README.md and docs/performance.md anew')
     parser.add_argument('--heap', choices=('warm', 'default'), default='warm', help=argparse.SUPPRESS)
     arguments = parser.parse_args()
     unknown = [name for name in arguments.names if name not in NAMES]
@@ -42,6 +44,10 @@ def main() -> int:
         harness.print_report(report)
         reports.append(report)
     harness.write(reports, found, arguments.output)
+    if arguments.keep and arguments.heap == 'warm':
+        from benchmarks import results
+        results.keep(reports, found)
+        results.write_tables()
 
     again = [name for name in names if name in _ON_DEFAULT_HEAP]
     if arguments.heap == 'warm' and again:
@@ -54,7 +60,8 @@ def main() -> int:
 def _in_the_right_surroundings(heap: str) -> None:
     """Start anew where what glibc and the libraries read at their start is not as it must be."""
     from benchmarks.harness import WARM_HEAP
-    wanted = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1'}
+    wanted = {**os.environ, 'OMP_NUM_THREADS': '1', 'OPENBLAS_NUM_THREADS': '1',
+              'RAYON_NUM_THREADS': '1', 'HL_NUM_THREADS': '1'}
     for name, value in WARM_HEAP.items():
         wanted.pop(name, None)
         if heap == 'warm':

@@ -1,6 +1,8 @@
-"""Exact adaptive non-maximal suppression against brute force and suppression via square covering, both in Python."""
+"""Exact adaptive non-maximal suppression against brute force and square covering, in Python and compiled."""
 
 from __future__ import annotations
+
+from typing import Callable
 
 import numpy as np
 
@@ -11,7 +13,7 @@ from rvc_features.filters import adaptive_non_maximal_suppression
 from rvc_features.maxima import local_maxima
 from rvc_features.response import harris_response
 
-_REACH = {20_000: 0.8, 100_000: 0.5}
+_REACH = {20_000: 0.8, 100_000: 0.5}   # of SSC in Python; compiled: 1
 _WIDTH, _HEIGHT = SIZES['4K']
 _CHOSEN = 500
 
@@ -19,6 +21,7 @@ _CHOSEN = 500
 def run(quick: bool) -> Report:
     report = Report('anms', f'Adaptive non-maximal suppression, {_CHOSEN} points out of N', x_label='candidates')
     counts = (1_000, 5_000, 20_000, 100_000) if quick else (1_000, 5_000, 20_000, 50_000, 100_000, 200_000, 400_000)
+    compiled = _compiled_square_covering()
     for kind, candidates in (('uniform', _uniform), ('real', _real), ('clusters', _clusters)):
         for count in counts:
             points, responses = candidates(count)
@@ -29,10 +32,15 @@ def run(quick: bool) -> Report:
                 'ours, all radii': lambda p=points, r=responses: adaptive_non_maximal_suppression(p, r, len(p)),
                 'SSC': lambda p=points, r=responses: square_covering(p, r, _CHOSEN, _WIDTH, _HEIGHT),
             }
+            if compiled is not None:
+                contestants['SSC, compiled'] = lambda p=points, r=responses: compiled(p, r, _WIDTH, _HEIGHT, _CHOSEN,
+                                                                                      True)
             if count <= (1_000 if quick else 5_000):
                 contestants['brute force'] = lambda p=points, r=responses: brute_force(p, r, _CHOSEN)
             times = in_turn(contestants, 5 if quick or count > 100_000 else 9)
             report.compare(f'{count} {kind}', times, 'ours', 'SSC', _REACH.get(count))
+            if compiled is not None:
+                report.compare(f'{count} {kind}', times, 'ours', 'SSC, compiled', 1.0)
             report.compare(f'{count} {kind}, all radii', times, 'ours, all radii', 'SSC')
             if 'brute force' in times:
                 report.compare(f'{count} {kind}', times, 'ours', 'brute force')
@@ -45,6 +53,14 @@ def run(quick: bool) -> Report:
     report.notes.append('SSC gives about as many points, spread alike, but not those of the definition; ours does. '
                         '"All radii": every radius is wanted, so no search can end early.')
     return report
+
+
+def _compiled_square_covering() -> Callable[..., np.ndarray] | None:
+    try:
+        from adaptivenms import square_covering_adaptive_nms
+    except ImportError:
+        return None
+    return square_covering_adaptive_nms
 
 
 def _uniform(count: int) -> tuple[np.ndarray, np.ndarray]:

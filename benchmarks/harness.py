@@ -2,7 +2,8 @@
 
 The contract: what is compared runs in turn in one process, so that a busy machine slows all alike; reported are the
 median and the quartiles, and as the result the ratio of the medians. One thread, on one core. The clock is the
-thread's processor time: on an idle machine that of the wall, and on a busy one without the turns of others.
+process's processor time: on an idle machine that of the wall, and on a busy one without the turns of others. Of the
+whole process, for some peers work in a thread of their own.
 Compilation is over before it starts.
 
 Two states of the C heap matter. By default glibc hands large blocks back after every call, and the page faults on the
@@ -17,6 +18,7 @@ import json
 import os
 import platform
 import time
+from importlib import metadata
 from pathlib import Path
 from typing import Any, Callable
 
@@ -41,11 +43,15 @@ class Report:
     notes: list[str] = dataclasses.field(default_factory=list)
 
     def compare(self, case: str, times: dict[str, list[float]], ours: str, peer: str,
-                reach: float | None = None) -> float:
-        """Add a row: `ours` against `peer`, both names in `times`; returns the ratio of the medians."""
+                reach: float | None = None, deviation: float | None = None) -> float:
+        """Add a row: `ours` against `peer`, both names in `times`; returns the ratio of the medians.
+
+        `deviation` is the largest one of ours from the reference, as a share of the reference's largest value.
+        """
         ratio = float(np.median(times[ours]) / np.median(times[peer]))
         self.rows.append({'case': case, 'ours': ours, 'peer': peer, 'ratio': ratio, 'reach': reach,
-                          'ours_ms': quartiles(times[ours]), 'peer_ms': quartiles(times[peer])})
+                          'deviation': deviation, 'ours_ms': quartiles(times[ours]),
+                          'peer_ms': quartiles(times[peer])})
         return ratio
 
     def point(self, curve: str, x: float, times: list[float]) -> None:
@@ -65,10 +71,15 @@ def in_turn(contestants: dict[str, Callable[[], Any]], rounds: int) -> dict[str,
         contestant()
     for _ in range(rounds):
         for name, contestant in contestants.items():
-            start = time.thread_time()
+            start = time.process_time()
             contestant()
-            times[name].append(time.thread_time() - start)
+            times[name].append(time.process_time() - start)
     return times
+
+
+def deviation(values: np.ndarray, reference: np.ndarray) -> float:
+    """Largest deviation from the reference as a share of the reference's largest magnitude."""
+    return float(np.abs(values - reference).max() / np.abs(reference).max())
 
 
 def quartiles(seconds: list[float]) -> list[float]:
@@ -79,10 +90,10 @@ def quartiles(seconds: list[float]) -> list[float]:
 def surroundings() -> dict[str, Any]:
     """The machine, the versions and the state of the heap."""
     versions = {'python': platform.python_version(), 'numpy': np.__version__, 'opencv': cv2.__version__}
-    for name in ('numba', 'skimage', 'matplotlib'):
+    for name in ('numba', 'scikit-image', 'halide', 'kornia_rs', 'adaptive-nms'):
         try:
-            versions[name] = __import__(name).__version__
-        except ImportError:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
             versions[name] = 'not installed'
     warm = all(os.environ.get(name) == value for name, value in WARM_HEAP.items())
     return {'processor': _processor(), 'cores': os.cpu_count(), 'load': round(os.getloadavg()[0], 2),
@@ -103,12 +114,13 @@ def print_report(report: Report) -> None:
         wide = max(len(row['case']) for row in report.rows)
         peer_wide = max(len(row['peer']) for row in report.rows)
         print(f'{"":{wide}}  {"ours, ms (quartiles)":>26}  {report.peer_title + ", ms (quartiles)":>{28 + peer_wide}}'
-              f'  {"ratio":>6}  {"reach":>6}')
+              f'  {"ratio":>6}  {"reach":>6}  {"deviation":>9}')
         for row in report.rows:
             reach = '' if row['reach'] is None else f'{row["reach"]:.2f}'
+            off = '' if row['deviation'] is None else f'{row["deviation"]:.0e}'
             missed = '  missed' if row['reach'] is not None and row['ratio'] > row['reach'] else ''
             print(f'{row["case"]:{wide}}  {_times(row["ours_ms"]):>26}  {row["peer"]:>{peer_wide}} '
-                  f'{_times(row["peer_ms"]):>27}  {row["ratio"]:6.3f}  {reach:>6}{missed}')
+                  f'{_times(row["peer_ms"]):>27}  {row["ratio"]:6.3f}  {reach:>6}  {off:>9}{missed}')
     for note in report.notes:
         print(note)
 

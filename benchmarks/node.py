@@ -42,6 +42,7 @@ def run(quick: bool) -> Report:
     os.sched_setaffinity(0, range(os.cpu_count() or 1))   # the nodes inherit it
     with private_master('benchmark_node') as master:
         _round_trips(report, master, peers, 40 if quick else 150)
+        _processor_time(report, master, peers, 30 if quick else 100)
         _age_of_output(report, 3.0 if quick else 10.0)
     return report
 
@@ -72,6 +73,51 @@ def _round_trips(report: Report, master: str, peers: list[str], rounds: int) -> 
                 report.compare(f'{size} bgr8, 500 points', times, 'ours', peer, _REACH[size, peer])
             if not peers:
                 report.notes.append(f'{size}: {1000 * np.median(times["ours"]):.2f} ms')
+
+
+def _processor_time(report: Report, master: str, peers: list[str], frames: int) -> None:
+    """User and system time of the whole process for each frame, at ten a second; ours also with key points alone."""
+    from rvc_features.msg import KeyPoints
+
+    from benchmarks.raw_ros import ImagePeer, packed
+    from rvc_features.image_transport.messages import to_image_message
+    contestants = {'ours': ('/out', None), 'ours, key points alone': ('/key_points', KeyPoints),
+                   **dict.fromkeys(peers, ('/image', None))}
+    with ExitStack() as stack:
+        processes, clients = {}, {}
+        for name, (answer, kind) in contestants.items():
+            node = 'cpu_' + name.replace(', ', '_').replace(' ', '_')
+            ours = name not in peers
+            options = (('_fixed_number_of_points:=true', f'key_points:=/{node}/key_points') if ours
+                       else ('_debug_view:=false', '_use_camera_info:=false'))
+            processes[name] = stack.enter_context(_started('rvc_features' if ours else 'opencv_apps',
+                                                           'feature_detector' if ours else name, node, *options))
+            clients[name] = stack.enter_context(ImagePeer(master, f'/to_{node}', f'/{node}/in', f'/{node}{answer}',
+                                                          *([kind] if kind else [])))
+        for size in ('VGA', '1080p'):
+            packet = packed(to_image_message(np.dstack([images.picture(SIZES[size])] * 3), 'bgr8'), 1)
+            times: dict[str, list[float]] = {name: [] for name in clients}
+            for number in range(frames + _WARM_UP):
+                begin = time.monotonic()
+                for name, client in clients.items():
+                    before = _busy(processes[name])
+                    client.round_trip(packet)
+                    if number >= _WARM_UP:
+                        times[name].append(_busy(processes[name]) - before)
+                time.sleep(max(0.0, begin + 0.1 - time.monotonic()))
+            for peer in peers:
+                for ours, reach in (('ours', {'VGA': 0.6, '1080p': 0.3}), ('ours, key points alone',
+                                                                            {'VGA': 0.4, '1080p': 0.2})):
+                    report.compare(f'{size} processor time a frame, {ours}', times, ours, peer,
+                                   reach[size] if peer == 'corner_harris' else None)
+
+
+def _busy(process: subprocess.Popen) -> float:
+    """Seconds of user and system time that a process has had, to the nanosecond where the kernel says so."""
+    total = 0
+    for thread in Path(f'/proc/{process.pid}/task').iterdir():
+        total += int((thread / 'schedstat').read_text().split()[0])
+    return total / 1e9
 
 
 def _age_of_output(report: Report, seconds: float) -> None:
@@ -112,7 +158,7 @@ def _age_of_output(report: Report, seconds: float) -> None:
 
 
 @contextmanager
-def _started(package: str, executable: str, name: str, *parameters: str) -> Iterator[None]:
+def _started(package: str, executable: str, name: str, *parameters: str) -> Iterator[subprocess.Popen]:
     """A node under the private master, on any core and with the heap that a user has."""
     environment = {variable: value for variable, value in os.environ.items() if variable not in WARM_HEAP}
     environment['PYTHONPATH'] = os.pathsep.join((os.getcwd(), environment.get('PYTHONPATH', '')))
@@ -120,7 +166,7 @@ def _started(package: str, executable: str, name: str, *parameters: str) -> Iter
                + ('out' if package == 'rvc_features' else 'in'), *parameters]
     process = subprocess.Popen(command, env=environment, start_new_session=True, stdout=subprocess.DEVNULL)
     try:
-        yield
+        yield process
     finally:
         os.killpg(process.pid, signal.SIGINT)
         try:

@@ -11,6 +11,7 @@ import threading
 import xmlrpc.client
 from io import BytesIO
 from types import TracebackType
+from typing import Any
 from xmlrpc.server import SimpleXMLRPCRequestHandler, SimpleXMLRPCServer
 
 import genpy
@@ -29,9 +30,12 @@ class ImagePeer:
         Of this peer in the ROS graph, with a leading slash.
     topic_in, topic_out : str
         Where the node under test takes its images from, and where it publishes its own.
+    answer : message type
+        Of what it publishes there.
     """
 
-    def __init__(self, master_uri: str, name: str, topic_in: str, topic_out: str) -> None:
+    def __init__(self, master_uri: str, name: str, topic_in: str, topic_out: str, answer: Any = Image) -> None:
+        self._answer = answer
         self._master, self._name = xmlrpc.client.ServerProxy(master_uri), name
         self._topic_in, self._topic_out = topic_in, topic_out
         self._listener = socket.create_server(('localhost', 0))
@@ -45,7 +49,7 @@ class ImagePeer:
 
     def __enter__(self) -> ImagePeer:
         threading.Thread(target=self._slave.serve_forever, daemon=True).start()
-        publishers = self._master.registerSubscriber(self._name, self._topic_out, Image._type, self._uri)[2]
+        publishers = self._master.registerSubscriber(self._name, self._topic_out, self._answer._type, self._uri)[2]
         if publishers:
             self._publisher_update('', '', publishers)
         if not self._announced.wait(_SECONDS):
@@ -92,8 +96,8 @@ class ImagePeer:
         _, _, (_, host, port) = slave.requestTopic(self._name, self._topic_out, [['TCPROS']])
         connection = socket.create_connection((host, port), _SECONDS)
         connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.sendall(_header(callerid=self._name, topic=self._topic_out, type=Image._type, md5sum=Image._md5sum,
-                                   tcp_nodelay='1'))
+        connection.sendall(_header(callerid=self._name, topic=self._topic_out, type=self._answer._type,
+                                   md5sum=self._answer._md5sum, tcp_nodelay='1'))
         self._receive(connection)
         return connection
 

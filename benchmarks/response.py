@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from benchmarks import images
-from benchmarks.harness import SIZES, Report, in_turn
-from rvc_features.response import harris_response
+from benchmarks import halide_harris, images
+from benchmarks.harness import SIZES, Report, deviation, in_turn
+from rvc_features.response import harris_response, reference_response, response_and_maximum
 
 _REACH = {('box', '1080p'): {3: 0.25, 7: 0.30, 15: 0.40, 31: 0.40},
           ('box', 'VGA'): {3: 0.33, 7: 0.40, 15: 0.54, 31: 0.54},
@@ -28,20 +28,50 @@ def run(quick: bool) -> Report:
                 'gaussian, smoothed': lambda image=image, w=window_size: harris_response(image, w, 'gaussian',
                                                                                          derivative_sigma=0.7),
             }, 9 if quick or size == '4K' else 21)
-            for window in ('box', 'gaussian', 'gaussian, smoothed'):
+            for window, sigma in (('box', 0.0), ('gaussian', 0.0), ('gaussian, smoothed', 0.7)):
                 reach = _REACH.get((window, size), {}).get(window_size)
-                report.compare(f'{size} {window} {window_size}', times, window, 'cv2.cornerHarris', reach)
+                kind = window.split(',')[0]
+                off = None if size == '4K' else deviation(
+                    harris_response(image, window_size, kind, derivative_sigma=sigma),
+                    reference_response(image, window_size, kind, 0.04, sigma))
+                report.compare(f'{size} {window} {window_size}', times, window, 'cv2.cornerHarris', reach, off)
             for name in times:
                 if window_size in (3, 31):
                     report.point(f'{name} {window_size}', image.size, times[name])
             if size == '1080p':
                 flat.setdefault('box', []).append(float(np.median(times['box'])))
+        if size in ('VGA', '1080p'):
+            _compare_halide(report, size, image, 15 if quick else 31)
     _compare_skimage(report)
     report.notes.append('growth with pixels, exponent: ' + ', '.join(
         f'{name} {report.growth(name):.2f}' for name in report.curves))
     report.notes.append(f'box at 1080p, window {windows[-1]} to window {windows[0]}: '
                         f'{flat["box"][-1] / flat["box"][0]:.2f} times the cost')
     return report
+
+
+def _compare_halide(report: Report, size: str, image: np.ndarray, rounds: int) -> None:
+    """Into memory that is there, as Halide does it; beside the least that can be done: to read and to write."""
+    try:
+        halide = halide_harris.variants()
+    except ImportError:
+        report.notes.append('Halide was left out: it is not installed (pip install halide).')
+        return
+    out = np.empty(image.shape, np.float32)
+    times = in_turn({
+        'copy': lambda: np.copyto(out, image),
+        **{f'{window} {size}': lambda w=size, kind=window: response_and_maximum(image, w, kind, 0.04, 0.0, out)
+           for window, size in (('box', 3), ('box', 31), ('gaussian', 7))},
+        **{name: lambda function=function: function(image, out) for name, function in halide.items()},
+    }, rounds)
+    best = min(halide, key=lambda name: float(np.median(times[name])))
+    times['Halide'] = times[best]
+    off = deviation(harris_response(image, 3, 'box'), reference_response(image, 3, 'box', 0.04, 0.0))
+    report.compare(f'{size} box 3, against Halide', times, 'box 3', 'Halide', 0.50, off)
+    report.compare(f'{size} box 31, against our box 3', times, 'box 31', 'box 3', 1.25)
+    report.notes.append(f'{size}, nanoseconds per pixel: ' + ', '.join(
+        f'{name} {float(np.median(times[name])) / image.size * 1e9:.2f}'
+        for name in ('copy', 'box 3', 'box 31', 'gaussian 7', 'Halide')) + f' (the best of its variants: {best})')
 
 
 def _compare_skimage(report: Report) -> None:
