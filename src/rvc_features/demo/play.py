@@ -28,6 +28,7 @@ from rvc_features.msg import KeyPoints
 
 _NODE = '/feature_detector'
 _PATIENCE = 30.0   # seconds for anything that should happen at once
+_START_PATIENCE = 240.0   # for the node's start: where the build had no Numba, it compiles the kernels first
 _GRACE = 2.0       # seconds for the last frame to come out
 _SHOWS = 7         # times that a frame is sent for the sheet; the first is not timed
 _SHOWN = 'shown by the demo'   # frame_id of such a frame, by which it is known again
@@ -183,7 +184,7 @@ class _Session:
 
 
 def _wait_for_node(launch: subprocess.Popen, log: Path) -> None:
-    deadline = time.monotonic() + _PATIENCE
+    deadline = time.monotonic() + _START_PATIENCE
     while True:
         try:
             return rospy.wait_for_service(f'{_NODE}/set_parameters', 1.0)
@@ -191,7 +192,7 @@ def _wait_for_node(launch: subprocess.Popen, log: Path) -> None:
             if launch.poll() is not None:
                 raise DemoError(f'roslaunch has ended; see {log}') from None
             if time.monotonic() > deadline:
-                raise DemoError(f'the node has not started in {_PATIENCE:.0f} s; see {log}') from None
+                raise DemoError(f'the node has not started in {_START_PATIENCE:.0f} s; see {log}') from None
 
 
 def _wait_until_the_node_listens() -> None:
