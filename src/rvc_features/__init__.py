@@ -8,8 +8,9 @@ Top (OpenCV and NumPy, in the order of the sheet)
 Rooms
     kernels: the compiled twins of the steps. still_images: JPEG and PNG from outside, checked and decoded.
     image_transport: images in and out over topics. nodes: the nodes, the only room that knows both detectors and ROS.
-    recordings: files, videos, bags. comparison: the workbench. exercise: the course's examiner. demo.
+    recordings: files, videos, bags. odometry: masks, tracks, rays, descriptors. comparison: the workbench.
+    exercise: the course's examiner. demo.
 
-Imports go one way: nodes, comparison, demo -> recordings -> image_transport -> still_images; all of them -> the top;
-the top -> kernels. docs/architecture.md says more, and a test holds it.
+Imports go one way: nodes, comparison, demo -> odometry -> recordings -> image_transport -> still_images; all of them ->
+the top; the top -> kernels. docs/architecture.md says more, and a test holds it.
 """

@@ -1,5 +1,6 @@
 """The table of dynamic parameters: cfg/FeatureDetectorConfig.cfg and the detectors agree; values settle."""
 
+import functools
 import math
 import runpy
 import sys
@@ -9,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rvc_features import detectors, parameters
-from rvc_features.nodes import detector_config
+from rvc_features.nodes import detector_config, odometry_config
 
 CFG = Path(__file__).resolve().parents[2] / 'cfg' / 'FeatureDetectorConfig.cfg'
 FIXED = ['detector', 'window_size', 'window', 'threshold', 'fixed_number_of_points', 'number_of_points', 'octaves',
@@ -66,11 +67,14 @@ def test_every_parameter_of_the_detectors_listed_is_in_the_cfg_with_its_type_def
     """Those that it does not list get their sliders when the node starts."""
     expected = {'detector'}
     kinds = {parameters.Integer: 'int', parameters.Real: 'double', parameters.Flag: 'bool', parameters.Choice: 'str'}
+    declared = [(odometry_config.SPECIFICATIONS, odometry_config.DEFAULTS, str)]
     for name in entries['detector'][4]:
         detector = detectors.get(name)
-        defaults = parameters.defaults(detector)
-        for field, specification in parameters.specifications(detector).items():
-            entry = detector_config.key(name, field)
+        declared.append((parameters.specifications(detector), parameters.defaults(detector),
+                         functools.partial(detector_config.key, name)))
+    for specifications, defaults, key in declared:
+        for field, specification in specifications.items():
+            entry = key(field)
             kind, default, low, high, choices = entries[entry]
             expected.add(entry)
             assert kind == kinds[type(specification)], entry

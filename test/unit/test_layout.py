@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).resolve().parents[2] / 'src' / 'rvc_features'
-GENERATED = {'cfg', 'msg'}   # made by catkin from cfg/ and msg/
+GENERATED = {'cfg', 'msg', 'srv'}   # made by catkin from cfg/, msg/ and srv/
 ROS = {'rospy', 'rosbag', 'roslib', 'rosgraph', 'roslaunch', 'rosmaster', 'genpy', 'cv_bridge', 'dynamic_reconfigure',
        'diagnostic_msgs', 'diagnostic_updater', 'sensor_msgs', 'std_msgs', 'std_srvs', 'message_filters'}
 
@@ -18,14 +18,15 @@ MAY_IMPORT = {
     'still_images': set(),
     'image_transport': {'top', 'still_images'},
     'recordings': {'top', 'still_images', 'image_transport'},
-    'comparison': {'top', 'recordings'},
-    'nodes': {'top', 'kernels', 'image_transport', 'recordings', 'comparison'},
+    'odometry': {'top', 'recordings'},
+    'comparison': {'top', 'recordings', 'odometry'},
+    'nodes': {'top', 'kernels', 'image_transport', 'recordings', 'odometry', 'comparison'},
     'demo': {'top', 'image_transport', 'recordings'},
     'windows': {'top', 'nodes'},
     'exercise': {'top', 'image_transport'},
 }
 # Modules that work where no ROS is installed.
-WITHOUT_ROS = {'kernels', 'top', 'still_images', 'comparison', 'recordings.image_sources',
+WITHOUT_ROS = {'kernels', 'top', 'still_images', 'odometry', 'comparison', 'recordings.image_sources',
                'recordings.file_times', 'recordings.regular_files', 'recordings.whole_files', 'nodes.detector_config',
                'nodes.sliders', 'nodes.newest_worker', 'nodes.settings', 'nodes.statistics',
                'nodes.diagnostics', 'nodes.detector_modules',

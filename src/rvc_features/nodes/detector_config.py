@@ -46,14 +46,21 @@ def settle(config: dict[str, Any], previous: dict[str, Any]) -> list[str]:
     for name in detectors.names():
         for field, specification in parameters.specifications(detectors.get(name)).items():
             entry = key(name, field)
-            if entry not in config:
-                continue
-            try:
-                config[entry] = specification.nearest(config[entry], previous[entry])
-            except ValueError as error:
-                problems.append(f'{entry} must be {error}; got {shown(config[entry])}, {previous[entry]!r} stays')
-                config[entry] = previous[entry]
+            if entry in config:
+                problems += settle_one(config, previous, entry, specification)
     return problems
+
+
+def settle_one(config: dict[str, Any], previous: dict[str, Any], entry: str,
+               specification: parameters.Specification) -> list[str]:
+    """The same for one value: nothing, or the sentence that says why it was refused."""
+    try:
+        config[entry] = specification.nearest(config[entry], previous[entry])
+    except ValueError as error:
+        problem = f'{entry} must be {error}; got {shown(config[entry])}, {previous[entry]!r} stays'
+        config[entry] = previous[entry]
+        return [problem]
+    return []
 
 
 def create(config: dict[str, Any]) -> FeatureDetector:

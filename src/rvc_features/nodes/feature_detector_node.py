@@ -5,17 +5,27 @@
 Subscribed topics
     in (sensor_msgs/Image, or what ~image_transport names)
         The camera. Subscribed to only while somebody listens to one of the topics below.
+    mask (sensor_msgs/Image, mono8)
+        Points may lie where it is not zero; the newest one of the images' size counts.
+    camera_info (sensor_msgs/CameraInfo)
+        The calibration, with which key points and tracks have rays.
 
 Published topics
     image (sensor_msgs/Image and the other transports, bgr8)
         The image with the key points drawn in.
     key_points (rvc_features/KeyPoints)
         The key points, strongest first.
+    tracks (rvc_features/Tracks), descriptors (rvc_features/Descriptors)
+        Points followed from image to image, and descriptors of the key points; see docs/odometry.md.
     response (sensor_msgs/Image, mono8)
         The detector's response map, where it has one: corners bright, edges dark.
     /diagnostics (diagnostic_msgs/DiagnosticArray)
         Once a second, from before the detectors are loaded: a level with all that is not as it should be, and frames
         received, processed, dropped, rejected and why; points; milliseconds per frame; age of the output.
+
+Services
+    detect (rvc_features/Detect)
+        The key points of one image.
 
 Parameters
     Those of cfg/FeatureDetectorConfig.cfg, by dynamic_reconfigure or preset, and
@@ -29,6 +39,8 @@ Parameters
         Name of a preset to start with, as in config/: course, even, matching, repeatable.
     ~config (string, default: none)
         File of dynamic parameters to start with, as dynparam, rqt_reconfigure or rosparam save it; or its text.
+    ~mask (string, default: none)
+        Rectangles to leave out, as `x,y,width,height`, several separated by blanks; or an image file, as `mask`.
     ~least_key_points (int, default: 10)
         Fewer in all of the last five images, or all of them in one corner, are worth a warning in /diagnostics; 0 for
         none.
@@ -47,9 +59,7 @@ from typing import Any
 
 import numpy as np
 import rospy
-from sensor_msgs.msg import Image
 
-from rvc_features import key_points
 from rvc_features.brief import reporter, shown
 from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
 from rvc_features.drawing import displayable_response, draw_key_points
@@ -59,13 +69,14 @@ from rvc_features.image_transport import ImageTransport, Subscriber, TransportHi
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import to_array, to_image_message
 from rvc_features.kernels import warm_up
-from rvc_features.msg import KeyPoints
-from rvc_features.nodes import detector_config, detector_modules
+from rvc_features.nodes import detector_config, detector_modules, odometry_config
 from rvc_features.nodes.diagnostics import ERROR, WARN, Finding, Input, Situation, judge
 from rvc_features.nodes.graph_watch import GraphWatch
 from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.library_log import library_log
 from rvc_features.nodes.newest_worker import NewestWorker
+from rvc_features.nodes.odometry_outputs import OdometryOutputs
+from rvc_features.nodes.outputs import Listener, Publishers
 from rvc_features.nodes.sliders import with_detectors
 from rvc_features.nodes.spin import spin
 from rvc_features.nodes.start import only_ros_arguments, take_settings
@@ -86,10 +97,11 @@ class FeatureDetectorNode:
         self.detector = detector_config.create(FeatureDetectorConfig.defaults)
         self.worker = NewestWorker(lambda item: self.process(*item), self.frame_failed, 'feature_detector')
         self.statistics = NodeStatistics(lambda: (self.worker.received, self.worker.dropped))
+        self.odometry = OdometryOutputs(lambda: self.detector)
         self.heap = FrameHeap()
         self.input = LazyInput(self._subscribe, self._listeners)
         self.hints = TransportHints()
-        self.publishers: _Publishers | None = None
+        self.publishers: Publishers | None = None
         self.server: ReconfigureServer | None = None
         self._starting = 'compiling the hot loops, or loading them'
         self._lasting: list[Finding] = []   # found while it starts, and true from then on
@@ -116,12 +128,13 @@ class FeatureDetectorNode:
         if problems:
             self.reject_parameters(problems)
         self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameters,
-                                        settle=detector_config.settle)
+                                        settle=odometry_config.settle)
         self.hints = known_transport(self._refuse_transport)
         images = self._input_state()
         if not images.remapped:
             rospy.logwarn('in is not remapped (in:=/camera/image_raw): images are expected on %s', images.topic)
-        self.publishers = _Publishers(self.input.changed)
+        self.odometry.start(Listener(self.input.changed), self.reject_parameters)
+        self.publishers = Publishers(self.input.changed)
         self._starting = ''
         self._subscribing.start()
         self.graph_watch.start()
@@ -129,6 +142,7 @@ class FeatureDetectorNode:
     def update_config(self, config: Any, level: int) -> Any:
         """Callback of dynamic_reconfigure, with sane values: a new detector takes the place of the old one."""
         self.detector = detector_config.create(config)
+        self.odometry.configure(config)
         return config
 
     def reject_parameters(self, problems: list[str]) -> None:
@@ -195,6 +209,7 @@ class FeatureDetectorNode:
             'age of output in ms, median': f'{1000 * report.age_median:.1f}' if processed else 'none',
             'age of output in ms, worst': f'{1000 * report.age_worst:.1f}' if processed else 'none',
             'seconds from stamp to arrival': 'none' if report.stamp_delay is None else f'{report.stamp_delay:.3f}',
+            **self.odometry.values(),
             'memory in MB': f'{resident_bytes() / 1e6:.0f}',
         }
 
@@ -215,15 +230,14 @@ class FeatureDetectorNode:
         image = to_array(message, 'bgr8' if draw else 'mono8')
         self.heap.note(image.nbytes)
         grey = as_grey(image)
-        found = detector.detect_arrays(grey)
-
-        height, width = grey.shape
+        mask = self.odometry.mask(grey.shape, message.header)
+        found = detector.detect_arrays(grey, mask)
         if publishers.key_points.get_num_connections() > 0:
-            publishers.key_points.publish(KeyPoints(
-                header=message.header, detector=detector.name, width=width, height=height,
-                **{name: found[name] for name in key_points.NAMES}))
+            publishers.key_points.publish(self.odometry.key_points(found, message.header, detector.name, grey.shape))
+        self.odometry.publish(grey, found, message.header, detector, mask, draw)
         if draw:
-            publishers.image.publish_array(self._draw(image, found), 'bgr8', message.header)
+            picture = self.odometry.drawn(self._draw(image, found), mask)
+            publishers.image.publish_array(picture, 'bgr8', message.header)
         if publishers.response.get_num_connections() > 0:
             response = detector.response_map(grey)
             if response is None:
@@ -231,7 +245,7 @@ class FeatureDetectorNode:
             else:
                 picture = displayable_response(response)
                 publishers.response.publish(to_image_message(picture, 'mono8', message.header))
-        return found, (height, width)
+        return found, (grey.shape[0], grey.shape[1])
 
     def _draw(self, image: np.ndarray, found: np.ndarray) -> np.ndarray:
         """Draw on one picture that serves frame after frame, for fresh memory costs more than the drawing."""
@@ -250,7 +264,7 @@ class FeatureDetectorNode:
             self.input.wait(_WAKE_UP)
 
     def _listeners(self) -> int:
-        return 0 if self.publishers is None else self.publishers.listeners()
+        return 0 if self.publishers is None else self.publishers.listeners() + self.odometry.listeners()
 
     def _subscribe(self) -> Subscriber:
         self.statistics.waiting()
@@ -277,35 +291,6 @@ class FeatureDetectorNode:
     def _restore_parameters(self) -> None:
         if self.server is not None:
             self.server.restore_parameters()
-
-
-class _Publishers:
-    """All that the node publishes of an image."""
-
-    def __init__(self, changed: threading.Event) -> None:
-        listener = _Listener(changed)
-        self.image = ImageTransport().advertise('image', queue_size=1, subscriber_connected=changed.set,
-                                                subscriber_disconnected=changed.set)
-        self.key_points = rospy.Publisher('key_points', KeyPoints, listener, tcp_nodelay=True, queue_size=1)
-        self.response = rospy.Publisher('response', Image, listener, tcp_nodelay=True, queue_size=1)
-
-    def listeners(self) -> int:
-        return (self.image.get_num_subscribers() + self.key_points.get_num_connections()
-                + self.response.get_num_connections())
-
-
-class _Listener(rospy.SubscribeListener):
-    """Sets an event when somebody begins or ceases to listen."""
-
-    def __init__(self, changed: threading.Event) -> None:
-        super().__init__()
-        self._changed = changed
-
-    def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
-        self._changed.set()
-
-    def peer_unsubscribe(self, topic_name: str, num_peers: int) -> None:
-        self._changed.set()
 
 
 def main() -> int:

@@ -10,7 +10,8 @@ import rospy
 
 from rvc_features.nodes import settings
 
-_ONLY_AT_START = {'config', 'preset', 'image_transport', 'most_megapixels', 'detector_modules'}   # not dynamic
+# Not dynamic.
+_ONLY_AT_START = {'config', 'preset', 'image_transport', 'most_megapixels', 'detector_modules', 'mask'}
 
 _LARGEST = 2 ** 31 - 1   # integer of XML-RPC
 

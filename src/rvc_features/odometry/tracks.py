@@ -1,0 +1,306 @@
+"""Tracks: points that keep their identity from frame to frame, as visual odometry wants them.
+
+Lucas and Kanade's optical flow in a pyramid (OpenCV's) carries the points from one frame to the next; what does not
+come back to where it was, when carried back, ends there. Where tracks have become thin, the detector finds new points.
+
+References
+----------
+J.-Y. Bouguet, "Pyramidal implementation of the Lucas Kanade feature tracker", 2000.
+Z. Kalal, K. Mikolajczyk and J. Matas, "Forward-backward error: automatic detection of tracking failures", ICPR 2010.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Callable
+
+import cv2
+import numpy as np
+
+from rvc_features import parameters
+from rvc_features.feature_detector import FeatureDetector, as_grey
+from rvc_features.parameters import Flag, Integer, Real, parameter
+
+DTYPE = np.dtype([
+    ('id', np.uint64),             # of this track alone, for as long as the tracker lives
+    ('age', np.uint32),            # frames in which it was seen before this one; 0: new
+    ('x', np.float32),             # position in pixels; (0, 0) is the centre of the top left pixel
+    ('y', np.float32),
+    ('velocity_x', np.float32),    # pixels per second since the frame before; 0 for a new track
+    ('velocity_y', np.float32),
+    ('start_x', np.float32),       # where it was seen first
+    ('start_y', np.float32),
+    ('start_time', np.float64),    # seconds, the time of that frame
+])
+NAMES = tuple(DTYPE.names or ())
+
+
+@dataclass(frozen=True)
+class TrackerSettings:
+    """What a tracker goes by."""
+
+    number_of_tracks: int = parameter(300, Integer('How many tracks there are at the most.', 0))
+    least_distance: float = parameter(12.0, Real(
+        'A new track starts no nearer than that to another one, in pixels.', 1))
+    window_size: int = parameter(21, Integer('Side of the window that is searched for in the next frame, in pixels.',
+                                             5, 63, odd=True))
+    levels: int = parameter(4, Integer('Levels of the pyramid; each doubles the motion that can be followed.', 1, 8))
+    forward_backward: float = parameter(1.0, Real(
+        'A track ends when it comes back farther than that from where it was, in pixels.', 0, above_low=True))
+    epipolar: bool = parameter(False, Flag(
+        'End tracks that move otherwise than a rigid scene would (RANSAC of the fundamental matrix).'))
+    epipolar_distance: float = parameter(1.0, Real(
+        'With epipolar: distance from the epipolar line that is still taken, in pixels.', 0, above_low=True))
+
+    def __post_init__(self) -> None:
+        parameters.validate(self)
+
+
+class Tracker:
+    """Follows points through the frames of one camera.
+
+    Parameters
+    ----------
+    settings : TrackerSettings
+        May be replaced between two frames.
+
+    Attributes
+    ----------
+    interval : float
+        Seconds between the last two frames; 0 at a start.
+
+    Examples
+    --------
+    >>> from rvc_features import detectors
+    >>> tracker = Tracker(TrackerSettings(number_of_tracks=100))
+    >>> image = np.kron(np.eye(8, dtype=np.uint8) * 255, np.ones((16, 16), np.uint8))
+    >>> first = tracker.track(image, 0.0, detectors.create('harris'))
+    >>> second = tracker.track(np.roll(image, 2, axis=1), 0.1, detectors.create('harris'))
+    >>> int(np.isin(second['id'], first['id']).sum()) > 5
+    True
+    """
+
+    def __init__(self, settings: TrackerSettings | None = None) -> None:
+        self.settings = settings or TrackerSettings()
+        self._tracks = np.zeros(0, DTYPE)
+        self._image: np.ndarray | None = None
+        self._time = -np.inf
+        self._next_id = 0
+        self.interval = 0.0
+
+    def track(self, image: np.ndarray, time: float, detector: FeatureDetector, mask: np.ndarray | None = None,
+              undistort: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
+        """The tracks in the next frame, the oldest first and among the new ones the strongest.
+
+        A frame that is earlier than the one before, or of another size, starts anew: all its tracks are new ones.
+
+        Parameters
+        ----------
+        image : ndarray, uint8, shape (H, W) or (H, W, 3)
+            Grey or BGR.
+        time : float
+            Of that frame, in seconds.
+        detector : FeatureDetector
+            Finds new points.
+        mask : ndarray, uint8 or bool, shape (H, W), optional
+            Where tracks may be: not zero.
+        undistort : callable, optional
+            Takes positions, float64 (N, 2) in pixels, to those of an image without distortion, for the epipolar test.
+
+        Returns
+        -------
+        ndarray of `DTYPE`
+            A new array.
+        """
+        grey = as_grey(image)
+        if not np.isfinite(time):
+            raise ValueError(f'time must be a finite number of seconds; got {time}')
+        if self._image is None or self._image.shape != grey.shape or time < self._time:
+            kept, self.interval = np.zeros(0, DTYPE), 0.0
+        else:
+            self.interval = time - self._time
+            kept = self._follow(self._image, grey, self.interval, mask, undistort)
+        new = self._begin(grey, time, kept, detector, mask)
+        self._tracks = np.concatenate((kept, new))
+        # A copy where the caller may draw on his image, or a driver use its memory again.
+        self._image, self._time = (grey.copy() if np.shares_memory(grey, image) else grey), time
+        return self._tracks.copy()
+
+    def reset(self) -> None:
+        """Forget the last frame: the next one starts anew, with ids that no track had before."""
+        self._image = None
+
+    def _follow(self, before: np.ndarray, now: np.ndarray, seconds: float, mask: np.ndarray | None,
+                undistort: Callable[[np.ndarray], np.ndarray] | None) -> np.ndarray:
+        """The tracks that are found again, with their new positions."""
+        tracks = self._tracks
+        if len(tracks) == 0:
+            return tracks
+        start = _positions(tracks)
+        there, found = self._flow(before, now, start)
+        alive = found & _inside(there, now.shape, mask)
+        tracks, start, there = tracks[alive], start[alive], there[alive]
+        if self.settings.epipolar and len(tracks) >= _FEWEST_FOR_EPIPOLAR:
+            fits = _epipolar_inliers(start, there, self.settings.epipolar_distance, undistort)
+            tracks, start, there = tracks[fits], start[fits], there[fits]
+        tracks = tracks.copy()
+        tracks['x'], tracks['y'] = there.T
+        velocity = (there - start) / seconds if seconds > 0 else np.zeros_like(there)
+        tracks['velocity_x'], tracks['velocity_y'] = velocity.T
+        tracks['age'] += 1
+        return tracks[_unmerged(there)[:self.settings.number_of_tracks]]
+
+    def _flow(self, before: np.ndarray, now: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Positions in the next frame, and whether each of them leads back to where it came from.
+
+        The way there is found in images of half the size, then exactly in the images themselves. A window that turns or
+        grows pulls its point aside, a little in each frame and always to the same side; so the frame before is first
+        turned and scaled as most points say.
+        """
+        there = self._coarse_flow(before, now, start)
+        turned, motion = _as_turned(before, start, there)
+        expected = start if motion is None else _moved(start, motion)
+        unknown = np.isnan(there[:, 0])
+        there[unknown] = expected[unknown]
+        window = self.settings.window_size, self.settings.window_size
+        exact: Any = {'winSize': window, 'maxLevel': 0, 'flags': cv2.OPTFLOW_USE_INITIAL_FLOW}
+        there, forth, _ = cv2.calcOpticalFlowPyrLK(turned, now, expected, there.copy(), criteria=_EXACT, **exact)
+        back, home, _ = cv2.calcOpticalFlowPyrLK(now, turned, there, expected.copy(), criteria=_BACK, **exact)
+        missed = np.hypot(*(back - expected).T)
+        # Back it has come from where it belongs, so that in images of different things it may well stay there.
+        alike = _alike(turned, expected, now, there, self.settings.window_size) >= _LEAST_ALIKE
+        return there, (forth.ravel() != 0) & (home.ravel() != 0) & (missed <= self.settings.forward_backward) & alike
+
+    def _coarse_flow(self, before: np.ndarray, now: np.ndarray, start: np.ndarray) -> np.ndarray:
+        """Positions in the next frame to about half a pixel; NaN where the flow has lost a point."""
+        side = self.settings.window_size * 4 // 5 | 1   # smaller than the exact one, and yet it sees more
+        there, found, _ = cv2.calcOpticalFlowPyrLK(   # type: ignore[call-overload]
+            cv2.pyrDown(before), cv2.pyrDown(now), start / 2, None, winSize=(side, side),
+            maxLevel=max(self.settings.levels - 2, 0), criteria=_COARSE)
+        there *= 2
+        there[found.ravel() == 0] = np.nan
+        return there
+
+    def _begin(self, grey: np.ndarray, time: float, kept: np.ndarray, detector: FeatureDetector,
+               mask: np.ndarray | None) -> np.ndarray:
+        """New tracks where there is none within the least distance, as many as are missing."""
+        missing = self.settings.number_of_tracks - len(kept)
+        if missing <= _SPARE * self.settings.number_of_tracks:
+            return np.zeros(0, DTYPE)
+        occupied, distance = _positions(kept), self.settings.least_distance
+        found = detector.detect_arrays(grey, _thin(grey.shape, occupied, distance, mask))
+        found = found[_spread(_positions(found), occupied, distance, missing)]
+        tracks = np.zeros(len(found), DTYPE)
+        tracks['id'] = self._next_id + np.arange(len(found))
+        tracks['x'], tracks['y'] = found['x'], found['y']
+        tracks['start_x'], tracks['start_y'], tracks['start_time'] = found['x'], found['y'], time
+        self._next_id += len(found)
+        return tracks
+
+
+# When the flow stops: iterations, and the last step in pixels.
+_COARSE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.03)
+_EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
+_BACK = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.05)
+_FEWEST_FOR_EPIPOLAR = 8   # points, that the fundamental matrix takes
+_FEWEST_FOR_MOTION = 10    # points, for a motion to be that of most
+_LEAST_TURN = 0.005        # radians, or share of the size: less moves nothing in a window
+_LEAST_ALIKE = 0.5         # correlation of the windows in two frames
+_MERGED = 1.5              # pixels: tracks that are nearer follow the same corner
+_SPARE = 0.05              # share of the tracks that may be missing before new ones are looked for
+
+
+def _as_turned(image: np.ndarray, start: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
+    """The image moved as most points say, and that motion (2 x 3); the image itself and None where it hardly turns."""
+    known = ~np.isnan(there[:, 0])
+    if np.count_nonzero(known) < _FEWEST_FOR_MOTION:
+        return image, None
+    motion, _ = cv2.estimateAffinePartial2D(start[known], there[known])
+    if motion is None or np.abs(motion[:, :2] - np.eye(2)).max() < _LEAST_TURN \
+            or not 0.5 < np.hypot(*motion[:, 0]) < 2:
+        return image, None
+    height, width = image.shape
+    return cv2.warpAffine(image, motion, (width, height), flags=cv2.INTER_LINEAR,
+                          borderMode=cv2.BORDER_REPLICATE), motion
+
+
+def _moved(points: np.ndarray, motion: np.ndarray) -> np.ndarray:
+    return (points @ motion[:, :2].T + motion[:, 2]).astype(np.float32)
+
+
+def _positions(points: np.ndarray) -> np.ndarray:
+    return np.column_stack((points['x'], points['y']))
+
+
+def _inside(points: np.ndarray, shape: tuple[int, ...], mask: np.ndarray | None) -> np.ndarray:
+    """Whether each point lies in the image, and where the mask allows."""
+    height, width = shape[:2]
+    inside = (points > -0.5).all(axis=1) & (points[:, 0] < width - 0.5) & (points[:, 1] < height - 0.5)
+    if mask is not None:
+        column, row = np.rint(points[inside]).astype(np.intp).T
+        inside[inside] = mask[row, column] != 0
+    return inside
+
+
+def _alike(first: np.ndarray, start: np.ndarray, second: np.ndarray, there: np.ndarray, side: int) -> np.ndarray:
+    """Correlation of the windows at two positions in two images, from -1 to 1; NaN where one is flat."""
+    steps = np.arange(-(side // 2), side // 2 + 1, 3)   # a sample of it is enough
+    windows = []
+    for image, points in ((first, start), (second, there)):
+        column, row = np.rint(points).astype(np.intp).T
+        rows = np.clip(row[:, None] + steps, 0, image.shape[0] - 1)
+        columns = np.clip(column[:, None] + steps, 0, image.shape[1] - 1)
+        window = image[rows[:, :, None], columns[:, None, :]].reshape(len(points), -1).astype(np.float32)
+        windows.append(window - window.mean(axis=1, keepdims=True))
+    one, other = windows
+    with np.errstate(invalid='ignore', divide='ignore'):
+        return np.einsum('ij,ij->i', one, other) / np.sqrt(np.einsum('ij,ij->i', one, one)
+                                                           * np.einsum('ij,ij->i', other, other))
+
+
+def _unmerged(points: np.ndarray) -> np.ndarray:
+    """Indices of the points without those that have run into one before, and so would follow the same thing."""
+    cells = np.floor(points / _MERGED).astype(np.int64)
+    return np.sort(np.unique(cells[:, 0] + (cells[:, 1] << 32), return_index=True)[1])
+
+
+def _thin(shape: tuple[int, ...], occupied: np.ndarray, distance: float, mask: np.ndarray | None) -> np.ndarray | None:
+    """Mask of what is not near any of the points; a coarse one, for the exact distance is seen to afterwards."""
+    if len(occupied) == 0:
+        return mask
+    thin = np.full(shape, 255, np.uint8) if mask is None else (mask != 0).astype(np.uint8) * np.uint8(255)
+    for x, y in np.rint(occupied).astype(int).tolist():
+        cv2.circle(thin, (x, y), int(distance), (0,), cv2.FILLED)
+    return thin
+
+
+def _spread(points: np.ndarray, occupied: np.ndarray, distance: float, most: int) -> np.ndarray:
+    """Indices of up to `most` points, in their order, none within `distance` of one before or of what is occupied."""
+    cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
+
+    def is_free(x: float, y: float, column: int, row: int) -> bool:
+        return not any((x - other_x) ** 2 + (y - other_y) ** 2 < distance ** 2
+                       for i in (column - 1, column, column + 1) for j in (row - 1, row, row + 1)
+                       for other_x, other_y in cells.get((i, j), ()))
+
+    for x, y in occupied.tolist():
+        cells.setdefault((int(x // distance), int(y // distance)), []).append((x, y))
+    chosen: list[int] = []
+    for index, (x, y) in enumerate(points.tolist()):
+        if len(chosen) == most:
+            break
+        cell = int(x // distance), int(y // distance)
+        if is_free(x, y, *cell):
+            chosen.append(index)
+            cells.setdefault(cell, []).append((x, y))
+    return np.array(chosen, np.intp)
+
+
+def _epipolar_inliers(start: np.ndarray, there: np.ndarray, distance: float,
+                      undistort: Callable[[np.ndarray], np.ndarray] | None) -> np.ndarray:
+    """Whether each pair fits the motion of a rigid scene; all of them where no motion can be found."""
+    first, second = start.astype(np.float64), there.astype(np.float64)
+    if undistort is not None:
+        first, second = undistort(first), undistort(second)
+    _, inliers = cv2.findFundamentalMat(first, second, cv2.FM_RANSAC, distance, 0.99)
+    return np.ones(len(start), bool) if inliers is None else inliers.ravel() != 0
