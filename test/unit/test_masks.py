@@ -6,6 +6,9 @@ import pytest
 from conftest import texture
 
 from rvc_features import detectors
+from rvc_features.comparison import live
+from rvc_features.comparison.datasets import Pair
+from rvc_features.comparison.pair_task import Settings, key
 from rvc_features.odometry.masks import Border, FixedMask, MaskError, Masks, parse, shaded
 from rvc_features.odometry.tracks import Tracker
 
@@ -106,3 +109,25 @@ def test_no_point_and_no_track_is_ever_under_the_mask(name):
             assert len(points) > 20
             columns, rows = (np.rint(points[axis]).astype(int) for axis in 'xy')
             assert (mask[rows, columns] == 255).all()
+
+
+def test_what_is_compared_has_no_points_under_the_mask(tmp_path):
+    group = tuple(contestant.specification() for contestant in live.contestants())
+    image = texture((240, 320), 3)
+    for contestant in Settings(group, mask='0,0,200,240').contestants():
+        assert contestant.detect(image)['x'].min() >= 199.5
+    pair = Pair('scene', 'one', None, image, None, None)
+    file = tmp_path / 'mask.png'
+    keys = {key(pair, Settings(group)), key(pair, Settings(group, mask='0,0,200,240'))}
+    for value in (0, 255):
+        cv2.imwrite(str(file), np.full((240, 320), value, np.uint8))
+        keys.add(key(pair, Settings(group, mask=str(file))))
+    assert len(keys) == 4   # a result is kept under what decides it, and so does what is in the file
+
+
+def test_the_mosaic_shows_the_mask():
+    image = texture((240, 320), 3)
+    plain = live.SideBySide(live.contestants(['harris'])).mosaic(image)
+    masked = live.SideBySide(live.contestants(['harris']), masks=Masks(parse('0,0,320,240'))).mosaic(image)
+    assert masked.shape == plain.shape
+    assert masked[-240:].mean() < 0.6 * plain[-240:].mean()

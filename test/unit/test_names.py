@@ -76,7 +76,8 @@ def has_member(owner, member):
 @pytest.mark.parametrize('path', FILES, ids=lambda path: str(path.relative_to(ROOT)))
 def test_files_that_are_named_exist(path):
     missing = []
-    for name in re.findall(r'(?<![\w/.*$}~<-])[\w./-]*\w\.(?:py|cfg|launch|msg|test|md)\b(?![\w(])', text_of(path)):
+    named = r'(?<![\w/.*$}~<-])[\w./-]*\w\.(?:py|cfg|launch|msg|test|md)\b(?![\w(]| import )'
+    for name in re.findall(named, text_of(path)):
         if EXAMPLES.search(name) or name in ELSEWHERE or name.startswith('/'):
             continue
         near = str((path.parent / name).resolve())

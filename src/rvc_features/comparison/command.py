@@ -51,6 +51,9 @@ def _parser() -> argparse.ArgumentParser:
     what.add_argument('--every', type=at_least(1), default=1, metavar='N',
                       help='take every N-th frame of videos, bags and images (default: %(default)s)')
     what.add_argument('--maximum-frames', type=at_least(1), metavar='N', help='stop after N frames of each input')
+    what.add_argument('--mask', default='', metavar='MASK',
+                      help='no points there: rectangles x,y,width,height separated by blanks, or an image file that is '
+                      'zero there')
     what.add_argument('--no-identity-crop', dest='crop_identity', action='store_false',
                       help='do not crop the second image of a sequence where the homography is the identity')
     who = parser.add_argument_group('what is compared')

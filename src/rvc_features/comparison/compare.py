@@ -16,6 +16,8 @@ from rvc_features.comparison.executors import DaskError
 from rvc_features.comparison.pair_task import Settings
 from rvc_features.comparison.results import Store
 from rvc_features.comparison.runner import Progress
+from rvc_features.odometry.masks import MaskError
+from rvc_features.odometry.masks import parse as parse_mask
 from rvc_features.recordings.regular_files import SourceError
 
 
@@ -43,6 +45,10 @@ def compare(given: argparse.Namespace) -> int:
 def _compare(given: argparse.Namespace) -> None:
     for module in given.import_:
         _import(module)
+    try:
+        parse_mask(given.mask)
+    except MaskError as error:
+        raise ContestantError(f'--mask: {error}') from None
     group = _contestants(given)
     chosen = _datasets(given)
     if not given.output:
@@ -60,7 +66,7 @@ def _compare(given: argparse.Namespace) -> None:
     with executors.executor_for(given.workers, given.dask_scheduler) as (executor, concurrent):
         settings = Settings(tuple(contestant.specification() for contestant in group), given.points,
                             tuple(sorted(set(given.epsilon))), given.repeats, given.seed, concurrent,
-                            tuple(given.import_))
+                            tuple(given.import_), given.mask)
         progress = Progress(runner.total_of(chosen))
         try:
             measured = runner.run(chosen, settings, store, executor, progress, gallery.look)

@@ -19,6 +19,7 @@ from rvc_features.brief import cut, shown
 from rvc_features.comparison import measures
 from rvc_features.feature_detector import FeatureDetector
 from rvc_features.harris_detector import HarrisDetector
+from rvc_features.odometry.masks import Masks
 from rvc_features.recordings.regular_files import SourceError, read_text
 
 
@@ -33,10 +34,11 @@ class Contestant:
     label: str
     detector: FeatureDetector
     thinned: float = 0.0
+    masks: Masks | None = dataclasses.field(default=None, compare=False)   # the same for all that are compared
 
     def detect(self, image: np.ndarray) -> np.ndarray:
         """Key points of a grey image, strongest first (structured array)."""
-        points = self.detector.detect_arrays(image)
+        points = self.detector.detect_arrays(image, None if self.masks is None else self.masks.of(image.shape))
         return thinned(points, self.thinned) if self.thinned > 0 else points
 
     def asked_for(self, count: int) -> Contestant | None:

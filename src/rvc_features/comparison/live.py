@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import statistics
 import time
@@ -15,6 +16,7 @@ from rvc_features.comparison import measures, pictures
 from rvc_features.comparison.contestants import Contestant, parse, with_distinct_labels
 from rvc_features.drawing import draw_key_points
 from rvc_features.feature_detector import as_grey
+from rvc_features.odometry.masks import Masks, shaded
 
 DEFAULT = ('harris:fixed_number_of_points=true', 'good_features_to_track', 'fast', 'orb')
 
@@ -33,10 +35,13 @@ class SideBySide:
         At least one.
     tile_width : int
         Pixels to which wider images are shrunk for the picture (not for the detectors).
+    masks : Masks, optional
+        Where no points are wanted.
     """
 
-    def __init__(self, contestants: Sequence[Contestant], tile_width: int = 640) -> None:
-        self.contestants = list(contestants)
+    def __init__(self, contestants: Sequence[Contestant], tile_width: int = 640, masks: Masks | None = None) -> None:
+        self.masks = masks or Masks()
+        self.contestants = [dataclasses.replace(contestant, masks=self.masks) for contestant in contestants]
         self.tile_width = tile_width
         for contestant in self.contestants:
             contestant.detect(_WARM_UP)
@@ -56,6 +61,9 @@ class SideBySide:
         grey = as_grey(image)
         scale = min(1.0, self.tile_width / grey.shape[1])
         small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
+        mask = self.masks.of(grey.shape)
+        if mask is not None and scale < 1:
+            mask = cv2.resize(mask, (small.shape[1], small.shape[0]), interpolation=cv2.INTER_NEAREST)
         tiles = []
         for contestant, milliseconds in zip(self.contestants, self._milliseconds):
             start = time.perf_counter()
@@ -64,7 +72,7 @@ class SideBySide:
             tiles.append(pictures.Picture(
                 f'{contestant.label}: {len(points)} points, {statistics.median(milliseconds):.1f} ms',
                 _cells_in_words(measures.positions(points), grey.shape),
-                draw_key_points(small, _scaled(points, scale))))
+                shaded(draw_key_points(small, _scaled(points, scale)), mask)))
         return pictures.mosaic(tiles, math.ceil(math.sqrt(len(tiles))))
 
 

@@ -26,6 +26,7 @@ from rvc_features.comparison.correspondences import CommonRegion
 from rvc_features.comparison.datasets import Pair
 from rvc_features.comparison.survival import Survival
 from rvc_features.heap import keep_large_blocks
+from rvc_features.odometry.masks import Masks, parse
 
 CURVE = 0.5, 1.0, 1.5, 2.0, 2.5, 3.0, 4.0, 5.0   # epsilons of the curves, in pixels
 SWEEP = 100, 250, 500, 1000, 2000   # points asked for, where time is measured against points
@@ -44,6 +45,8 @@ class Settings:
     concurrent: int = 1            # jobs at the same time; told beside the times, and not part of the key
     modules: tuple[str, ...] = ()  # imported first: they register the user's own detectors
 
+    mask: str = ''                 # as masks.parse takes it
+
     def all_epsilons(self) -> list[float]:
         """Those of the tables and those of the curves, rising."""
         return sorted({*self.epsilons, *CURVE})
@@ -51,7 +54,9 @@ class Settings:
     def contestants(self) -> list[Contestant]:
         for module in self.modules:
             importlib.import_module(module)
-        return [contestants.from_specification(*specification) for specification in self.specifications]
+        masks = Masks(parse(self.mask)) if self.mask else None
+        return [dataclasses.replace(contestants.from_specification(*specification), masks=masks)
+                for specification in self.specifications]
 
 
 def key(pair: Pair, settings: Settings) -> str:
@@ -60,7 +65,9 @@ def key(pair: Pair, settings: Settings) -> str:
     about = {'settings': dataclasses.asdict(dataclasses.replace(settings, concurrent=1)), 'code': code_digest(settings),
              'versions': versions(), 'with_ground_truth': pair.homography is not None, 'sweep': pair.sweep}
     digest.update(json.dumps(about, sort_keys=True).encode())
-    for array in (pair.first, pair.second, pair.homography):
+    masks = Masks(parse(settings.mask))
+    used = [masks.of(image.shape) for image in (pair.first, pair.second) if image is not None]
+    for array in (pair.first, pair.second, pair.homography, *used):
         if array is not None:
             digest.update(f'{array.dtype} {array.shape}'.encode())
             digest.update(array.tobytes())
@@ -128,6 +135,7 @@ def code_digest(settings: Settings) -> str:
     folders = _PACKAGE, os.path.join(_PACKAGE, 'kernels')
     files = {os.path.join(folder, name) for folder in folders for name in os.listdir(folder)}
     files |= {os.path.join(_PACKAGE, 'comparison', f'{name}.py') for name in _DECIDING}
+    files.add(os.path.join(_PACKAGE, 'odometry', 'masks.py'))
     for contestant in settings.contestants():
         with contextlib.suppress(TypeError, OSError):   # a class without a file, made in a notebook
             files.add(inspect.getfile(type(contestant.detector)))

@@ -20,6 +20,8 @@ Parameters
         Transport of `in`.
     ~most_megapixels (number, default: 36)
         Larger images are refused, in any transport.
+    ~mask (string, default: none)
+        Rectangles `x,y,width,height` without points, or an image file; see docs/odometry.md.
     ~detector_modules (list of strings, default: empty)
         Python modules to import at start that register detectors of their own.
 
@@ -47,6 +49,7 @@ from rvc_features.nodes.lazy_input import LazyInput
 from rvc_features.nodes.newest_worker import NewestWorker
 from rvc_features.nodes.spin import spin
 from rvc_features.nodes.start import only_ros_arguments
+from rvc_features.odometry.masks import MaskError, Masks, parse
 
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 _WRONG_PARAMETER = 2   # exit status
@@ -100,10 +103,15 @@ def run() -> int:
     if not isinstance(tile_width, int) or tile_width < 1:
         rospy.logwarn(f'~tile_width must be an integer of at least 1; got {shown(tile_width)}, 640 is used')
         tile_width = 640
+    masks = Masks()
+    try:
+        masks.fixed = parse(rospy.get_param('~mask', ''))
+    except MaskError as error:
+        rospy.logwarn(f'~mask: {error}; no mask is used')
     try:
         if not isinstance(texts, list) or not texts:
             raise ContestantError(f'a list of detectors is wanted, such as {list(live.DEFAULT)}; got {shown(texts)}')
-        side_by_side = live.SideBySide(live.contestants([str(text) for text in texts]), tile_width)
+        side_by_side = live.SideBySide(live.contestants([str(text) for text in texts]), tile_width, masks)
     except ValueError as error:
         rospy.logfatal(f'~detectors: {error}')
         return _WRONG_PARAMETER

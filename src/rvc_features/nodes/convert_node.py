@@ -43,7 +43,7 @@ _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 
 
 def to_point_array(message: KeyPoints, messages: Any) -> Any:
-    """Key points as an opencv_apps/Point2DArrayStamped; `messages` is the module opencv_apps.msg, here as below."""
+    """Key points as an opencv_apps/Point2DArrayStamped; `messages` is the module of its messages, here as below."""
     return messages.Point2DArrayStamped(
         header=message.header, points=[messages.Point2D(x, y) for x, y in zip(message.x, message.y)])
 
