@@ -101,15 +101,14 @@ def _nearest(points: np.ndarray, others: np.ndarray, octave: int) -> np.ndarray:
     grid = np.full(height * width, -1, np.intp)
     rising = np.argsort(others['response'], kind='stable')
     grid[(y * width + x)[rising]] = rising
-    nearest = np.full(len(points), -1, np.intp)
-    least = np.full(len(points), (MERGE_DISTANCE * (1 << octave)) ** 2)
-    for down in range(-reach, reach + 1):
-        for right in range(-reach, reach + 1):
-            found = grid[(row + down) * width + column + right]
-            here = np.flatnonzero(found >= 0)
-            distance = ((points['x'][here].astype(np.float64) - others['x'][found[here]]) ** 2
-                        + (points['y'][here].astype(np.float64) - others['y'][found[here]]) ** 2)
-            closer = distance < least[here]
-            least[here[closer]] = distance[closer]
-            nearest[here[closer]] = found[here[closer]]
-    return nearest
+    down, right = np.mgrid[-reach:reach + 1, -reach:reach + 1]
+    offsets = (down * width + right)[np.hypot(down, right) < MERGE_DISTANCE + 2 ** 0.5]   # either was rounded
+    found = grid[(row * width + column)[:, None] + offsets]
+    point, where = np.nonzero(found >= 0)
+    other = found[point, where]
+    distance = np.full(found.shape, np.inf)
+    distance[point, where] = np.hypot(points['x'].astype(np.float64)[point] - others['x'][other],
+                                      points['y'].astype(np.float64)[point] - others['y'][other])
+    closest = distance.argmin(axis=1)
+    every = np.arange(len(points))
+    return np.where(distance[every, closest] < MERGE_DISTANCE * (1 << octave), found[every, closest], -1)
