@@ -16,7 +16,7 @@ import numba
 
 from rvc_features.kernels.cache_folder import Locator, caching
 
-_UNCACHED = 'each start compiles for some twenty seconds, for compiled kernels can not be kept'
+_UNCACHED = 'each start compiles for about a minute, for compiled kernels can not be kept'
 
 _logger = logging.getLogger('rvc_features')
 _said: set[str] = set()

@@ -54,7 +54,7 @@ def _find(named: str, package: tuple[str, ...]) -> Path | None:
             return folder / name
     if any(any(folder.glob('rvc_features-*')) for folder in built):
         _logger.warning('the kernels that the build compiled are for another processor, Numba or state of the source: '
-                        'they are compiled anew, for some twenty seconds')
+                        'they are compiled anew, for about a minute')
     folder = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')) / 'rvc_features' / name
     return folder if folder.is_absolute() and _can_be_written(folder) else None
 
