@@ -57,12 +57,12 @@ def halve(image, column_weights, row_weights, known, scale, half, first, last):
         for i in range(0, half_width, LANES):
             i = min(i, half_width - LANES)
             middle = i + radius // 2
-            total = splat(row_weights[0]) * load(even, middle)
+            along = splat(row_weights[0]) * load(even, middle)
             for j in range(2, radius + 1, 2):
-                total += splat(row_weights[j]) * (load(even, middle - j // 2) + load(even, middle + j // 2))
+                along += splat(row_weights[j]) * (load(even, middle - j // 2) + load(even, middle + j // 2))
             for j in range(1, radius + 1, 2):
-                total += splat(row_weights[j]) * (load(odd, middle - (j + 1) // 2) + load(odd, middle + j // 2))
-            store(half, y * half_width + i, converted(total * splat(scale), half))
+                along += splat(row_weights[j]) * (load(odd, middle - (j + 1) // 2) + load(odd, middle + j // 2))
+            store(half, y * half_width + i, converted(along * splat(scale), half))
 
 
 @kernel
