@@ -157,7 +157,7 @@ def window_weights(scale: Scale, window_size: int, window: str) -> np.ndarray:
 
 def binomial(steps: int) -> np.ndarray:
     """Weights of so many times [1 1] / 2: of variance steps / 4; their number is odd for an even number of steps."""
-    weights = np.ones(1)
+    weights: np.ndarray = np.ones(1)
     for _ in range(steps):
         weights = np.convolve(weights, [0.5, 0.5])
     return weights

@@ -93,7 +93,7 @@ class PlainRecipe:
 
     def __init__(self, count: int) -> None:
         self._count, self._next_id = count, 0
-        self._tracks = np.zeros(0, followed.DTYPE)
+        self._tracks: np.ndarray = np.zeros(0, followed.DTYPE)
         self._image: np.ndarray | None = None
 
     def track(self, image: np.ndarray, seconds: float) -> np.ndarray:

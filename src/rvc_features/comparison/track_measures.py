@@ -64,5 +64,5 @@ def rigid_share(history: Sequence[np.ndarray], step: int = 5) -> float | None:
         start, there = (np.column_stack((tracks['x'][which], tracks['y'][which])).astype(np.float64)
                         for tracks, which in ((before, first), (now, second)))
         _, inliers = cv2.findFundamentalMat(start, there, cv2.FM_RANSAC, EPIPOLAR_DISTANCE, 0.99)
-        shares.append(0.0 if inliers is None else float(np.mean(inliers)))
+        shares.append(0.0 if inliers is None else float(np.mean(np.asarray(inliers))))
     return float(np.median(shares)) if shares else None

@@ -126,7 +126,7 @@ def same_angles(seen: dict[str, float], expected: dict[str, float]) -> bool:
 
 def whether_different(probes: Sequence[Probe], answers: Answers) -> bool:
     """Whether the second answer differs from the first, in the place of a point or in a response."""
-    first, second = ([tuple(point) for point in points[['x', 'y', 'response']].tolist()] for points in answers)
+    first, second = (list(zip(points['x'], points['y'], points['response'])) for points in answers)
     return first != second
 
 

@@ -125,7 +125,7 @@ def crowd() -> Scene:
 def directions() -> Scene:
     """Drops that point to eight sides: the gradient at each points the other way, into the drop."""
     placed = []
-    for number, pointing in enumerate(np.arange(22.5, 360, 45)):
+    for number, pointing in enumerate(np.arange(22.5, 360, 45).tolist()):
         turned = np.radians(pointing)
         middle_x, middle_y = 22 + 34 * (number % 4), 22 + 36 * (number // 4)
         placed.append((round(middle_x + 10 * np.cos(turned)), round(middle_y + 10 * np.sin(turned)), pointing, 220))
