@@ -1,6 +1,7 @@
 """Every registered detector keeps to the interface, with its defaults and with what else it can be set to."""
 
 import dataclasses
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -74,7 +75,7 @@ def test_from_the_command_line_with_a_module_of_ones_own(tmp_path):
     tests = Path(__file__).parents[1]
     result = subprocess.run([sys.executable, '-m', 'rvc_features.conformance', 'own_detector'], capture_output=True,
                             text=True, check=False, cwd=tmp_path,
-                            env={'PYTHONPATH': f'{source}:{tests}', 'HOME': str(tmp_path)})
+                            env={**os.environ, 'PYTHONPATH': f'{source}:{tests}'})
     assert result.returncode == 0, result.stdout + result.stderr
     for name in (*detectors.names(), 'centre'):
         assert f'{name}: {len(conformance.CHECKS)} checks passed' in result.stdout
