@@ -123,14 +123,16 @@ class TestSettings(unittest.TestCase):
                 self.assertIn(NODE, window.nodes['values'])
                 self.assertEqual(list(window.values), list(self.defaults))
                 rows = window.panel.rows
-                rows['threshold'].scale.set(50)
-                pump(node_has(threshold=0.05), 'the node follows the slider')
+                threshold = rows['threshold'].range.value(60)
+                self.assertNotEqual(threshold, self.defaults['threshold'])
+                rows['threshold'].scale.set(60)
+                pump(node_has(threshold=threshold), 'the node follows the slider')
                 rows['window_size'].set(8)
                 pump(lambda: rows['window_size'].value == 9, 'the slider shows what the node made of it')
                 self.client.update_configuration({'ANMS': True})
                 pump(lambda: rows['ANMS'].value, 'the window follows the node')
 
-                moved = {'threshold': 0.05, 'window_size': 9, 'ANMS': True}
+                moved = {'threshold': threshold, 'window_size': 9, 'ANMS': True}
                 file = self.folder / 'saved.yaml'
                 window.save(str(file))
                 window.buttons['Reset'].invoke()

@@ -168,6 +168,7 @@ def test_rows_of_other_choices_are_left_out(window):
     panel.rows['detector'].box.event_generate('<<ComboboxSelected>>')
     window.update()
     assert window.changes == [('detector', 'orb')]
+    assert window.told == ['the detector orb']
     assert panel.shown() == ['detector', 'orb_levels', 'orb_score', 'gain', 'label']
     panel.show({'detector': 'harris', 'threshold': 0.1, 'unknown': 3})
     assert 'threshold' in panel.shown()

@@ -148,7 +148,7 @@ class _List(Row):
         self.labels = [entry['name'] if str(entry['value']) == entry['name'] else f'{entry["name"]} ({entry["value"]})'
                        for entry in self._entries]
         self.box = ttk.Combobox(parent, values=self.labels, state='readonly')
-        self.box.bind('<<ComboboxSelected>>', lambda _: self.set(self._entries[self.box.current()]['value']))
+        self.box.bind('<<ComboboxSelected>>', self._chosen)
         self._add(self.box, line, 1, sticky='we')
 
     def show(self, value: Any) -> None:
@@ -156,9 +156,13 @@ class _List(Row):
         values = [entry['value'] for entry in self._entries]
         if value in values:
             self.box.current(values.index(value))
-            self._tell(self._entries[values.index(value)]['description'])
         else:
             self.box.set(str(value))
+
+    def _chosen(self, _: Any) -> None:
+        entry = self._entries[self.box.current()]
+        self.set(entry['value'])
+        self._tell(entry['description'])
 
     def choices(self) -> list[str]:
         return [str(entry['value']).lower() for entry in self._entries]
