@@ -179,7 +179,8 @@ class TestTools(unittest.TestCase):
         self.assertEqual(BagImages(self.bag).topic, '/camera/image_raw')
         cut = self.folder / 'cut.bag'
         cut.write_bytes(Path(self.bag).read_bytes()[:3000])
-        for path, text in ((cut, 'cut.bag: '), (self.folder / 'no.bag', 'no.bag: not a bag'), (__file__, 'not a bag')):
+        for path, text in ((cut, 'cut.bag: '), (self.folder / 'no.bag', 'no.bag: no such file'),
+                           (__file__, 'not a bag')):
             with self.assertRaisesRegex(SourceError, text):
                 BagImages(path)
 
