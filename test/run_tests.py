@@ -89,6 +89,12 @@ def launch_files(counts, folder):
         check(counts, ['rosrun', 'roslaunch', 'roslaunch-check', '-o', str(folder / f'{launch.stem}.xml'), str(launch)])
 
 
+def documents(counts, folder):
+    """The documents as a site, anew: warnings are errors, and no picture or formula may be missing."""
+    check(counts, ['python3', '-m', 'sphinx', '-q', '-W', '--keep-going', '-n', '-j', 'auto', '-c', 'docs',
+                   '-d', str(folder / 'trees'), '.', str(folder / 'site')])
+
+
 def main(names):
     quick = names == ['--quick']
     if quick:
@@ -99,6 +105,7 @@ def main(names):
              'catkin_lint': lambda folder: check(counts, ['catkin_lint', '-W2', '--strict',
                                                           '--ignore', 'package_path_name', str(ROOT)]),
              'launch_files': lambda folder: launch_files(counts, folder),
+             'docs': lambda folder: documents(counts, folder),
              'units': lambda folder: units(counts, folder, *(['-m', 'not slow'] if quick else []))}
     steps.update({name: lambda folder, name=name: rostest(counts, folder, name) for name in ROSTESTS})
     steps['soak'] = lambda folder: check(counts, ['python3', 'test/soak.py', '--minutes', '0.3'])

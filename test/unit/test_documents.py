@@ -1,0 +1,40 @@
+"""What the documents say is true: what is quoted is printed somewhere, and what is to be typed can be typed."""
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+PACKAGE = ROOT / 'src' / 'rvc_features'
+
+
+def printed_texts():
+    """Every text in the package's programs, with … for what is filled in."""
+    for path in PACKAGE.rglob('*.py'):
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.Constant) and isinstance(node.value, str):
+                yield re.sub(r'%[\w.]+', '…', node.value)
+            elif isinstance(node, ast.JoinedStr):
+                yield ''.join(part.value if isinstance(part, ast.Constant) else '…' for part in node.values)
+    yield re.sub(r'\$\{[^}]*\}|\$\w+', '…', (ROOT / 'run').read_text())
+
+
+def quoted_sentences():
+    """What stands as code at the beginning of the first cell of a row of troubleshooting.md."""
+    for line in (ROOT / 'docs' / 'troubleshooting.md').read_text().splitlines():
+        found = re.match(r'\| (?:`` (.*?) ``|`([^`]*)`) \| ', line)
+        if found:
+            yield (found[1] or found[2]).strip(' ')
+
+
+@pytest.fixture(scope='module')
+def everything_printed():
+    return '\n'.join(printed_texts())
+
+
+@pytest.mark.parametrize('sentence', quoted_sentences())
+def test_what_troubleshooting_quotes_is_what_the_programs_print(sentence, everything_printed):
+    missing = [part for part in sentence.split('…') if part.strip() and part.strip() not in everything_printed]
+    assert not missing
