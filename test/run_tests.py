@@ -62,9 +62,14 @@ def check(counts, command):
 
 def units(counts, folder, *chosen):
     """Unit tests and doctests of the detector half: no ROS master is needed."""
-    report, before = folder / 'units.xml', counts.failed
+    pytest(counts, folder / 'units.xml', *chosen, 'test/unit')
+
+
+def pytest(counts, report, *chosen):
+    """Tests without a ROS master, on all cores."""
+    before = counts.failed
     status = run([*COVERAGE, '-m', 'pytest', '-q', '-p', 'no:cacheprovider', '-n', 'auto', f'--junitxml={report}',
-                  *chosen, 'test/unit'])
+                  *chosen])
     counts.add_report(report)
     if status != 0 and counts.failed == before:
         counts.failed += 1
@@ -90,9 +95,10 @@ def launch_files(counts, folder):
 
 
 def documents(counts, folder):
-    """The documents as a site, anew: warnings are errors, and no picture or formula may be missing."""
+    """The documents as a site, with warnings as errors; and what they tell people to type."""
     check(counts, ['python3', '-m', 'sphinx', '-q', '-W', '--keep-going', '-n', '-j', 'auto', '-c', 'docs',
                    '-d', str(folder / 'trees'), '.', str(folder / 'site')])
+    pytest(counts, folder / 'documents.xml', 'test/documents')
 
 
 def main(names):

@@ -34,7 +34,7 @@ def everything_printed():
     return '\n'.join(printed_texts())
 
 
-@pytest.mark.parametrize('sentence', quoted_sentences())
+@pytest.mark.parametrize('sentence', list(quoted_sentences()))
 def test_what_troubleshooting_quotes_is_what_the_programs_print(sentence, everything_printed):
     missing = [part for part in sentence.split('…') if part.strip() and part.strip() not in everything_printed]
     assert not missing
