@@ -12,6 +12,7 @@ from rvc_features.feature_detector import FeatureDetector
 from rvc_features.parameters import Choice, parameter
 
 HANGS = 4.0   # seconds
+GATE = threading.Event()   # nobody opens it
 
 RUBBISH = {
     'none': lambda shape: None,
@@ -23,6 +24,7 @@ RUBBISH = {
     'exit': lambda shape: sys.exit('enough'),
     'raise': lambda shape: 1 // 0,
     'hang': lambda shape: threading.Event().wait(HANGS) or key_points.empty(),
+    'hang for ever': lambda shape: GATE.wait() or key_points.empty(),
     'huge': lambda shape: one_at(50, 50, size=1e6),
 }
 

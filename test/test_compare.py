@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 import rospy
 import rostest
-from ros_helpers import Camera, Inbox, exchange_until, texture
+from ros_helpers import Camera, Diagnostics, Inbox, exchange_until, texture
 from sensor_msgs.msg import CompressedImage, Image
 
 from rvc_features.image_transport.messages import to_array
@@ -24,7 +24,7 @@ class TestCompare(unittest.TestCase):
         rospy.init_node('test_compare')
         # The nodes compile before they advertise, which takes long where nothing is compiled yet and the machine busy.
         deadline = time.monotonic() + COMPILATION
-        wanted = {'/compare/mosaic', '/two/compare/mosaic'}
+        wanted = {'/compare/mosaic', '/two/compare/mosaic', '/faulty/compare/mosaic', '/hanging/mosaic'}
         while not wanted <= {topic for topic, _ in rospy.get_published_topics()}:
             assert time.monotonic() < deadline, 'the nodes do not come up'
             time.sleep(0.1)
@@ -68,10 +68,44 @@ class TestCompare(unittest.TestCase):
         self.assertLess(np.abs(drawn - (120, 160)).max(), 10)
         self.assertGreater(len(drawn), 5)
 
+    def diagnostics(self, node):
+        diagnostics = Diagnostics(node)
+        self.addCleanup(diagnostics.close)
+        return diagnostics
+
+    def test_detectors_that_fail_leave_the_others_their_tiles(self):
+        """Whatever they do: raise, call sys.exit, return rubbish."""
+        mosaic, diagnostics = self.inbox('/faulty/compare/mosaic', Image), self.diagnostics('faulty/compare')
+        exchange_until(self.camera, texture(), [mosaic])
+        image = cv2.GaussianBlur(texture(seed=1), (0, 0), 2)
+        stamp = self.camera.send(image)
+        picture = to_array(mosaic.wait_for(lambda message: message.header.stamp == stamp, 'mosaic'), 'bgr8')
+        self.assertEqual(picture.shape, MOSAIC)
+        tiles = [picture[y:y + 240, x:x + 320].astype(int) for y in (40, 40 + 240 + 50) for x in (0, 330)]
+        self.assertGreater((np.ptp(tiles[0], axis=2) > 0).sum(), 500)
+        for tile in tiles[1:]:
+            np.testing.assert_array_equal(tile, np.repeat(image[:, :, None], 3, axis=2))
+        values = diagnostics.wait_for_values(lambda values: values.get('frames processed', '0') != '0', 'at work')
+        self.assertEqual(values['level'], 1)
+        for text in ('fails: ZeroDivisionError', 'fails: SystemExit: enough', 'fails: KeyPointError'):
+            self.assertIn(text, values['message'])
+
+    def test_a_detector_that_hangs_is_seen_in_diagnostics(self):
+        self.inbox('/hanging/mosaic', Image)
+        camera, diagnostics = Camera('/hanging/camera'), self.diagnostics('hanging')
+        camera.send(texture())
+        values = diagnostics.wait_for_values(lambda values: 'has been at work' in values['message'], 'hanging')
+        self.assertIn('the mosaic has been at work on one image for', values['message'])
+        self.assertGreaterEqual(values['level'], 1)
+
     def test_a_bad_image_is_skipped(self):
         mosaic = self.inbox('/compare/mosaic', Image)
         exchange_until(self.camera, texture(), [mosaic])
+        diagnostics = self.diagnostics('compare')
         self.camera.send(texture(), encoding='nonsense')
+        values = diagnostics.wait_for_values(lambda values: values.get('frames rejected') == '1', 'counted')
+        self.assertIn("unknown encoding 'nonsense'", values['last rejected because'])
+        self.assertEqual(values['input'], '/camera/image_raw (raw)')
         stamp = self.camera.send(texture(seed=3))
         mosaic.wait_for(lambda message: message.header.stamp == stamp, 'the image after the bad one')
 

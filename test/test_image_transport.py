@@ -63,7 +63,7 @@ def wait_until(condition, what, patience=PATIENCE):
         time.sleep(0.01)
 
 
-def reading(sock, whole=True, megapixels=36.0, message_class=messages.Image):
+def reading(sock, whole=True, megapixels=25.0, message_class=messages.Image):
     """A subscriber's connection as rospy makes it, over that socket, read as ours are."""
     message_class = whole_reads.received(message_class, megapixels)
     connection = TCPROSTransport(TCPROSSub('/topic', message_class, buff_size=1000), '/topic')
@@ -286,11 +286,11 @@ class ImageTransportTest(unittest.TestCase):
             loop.join(PATIENCE)
 
     def test_limit_of_size(self):
-        for value, expected in ((0.001, 0.001), (100, 100.0), (0, 36.0), ('many', 36.0), (True, 36.0), (1e9, 36.0)):
+        for value, expected in ((0.001, 0.001), (100, 100.0), (0, 25.0), ('many', 25.0), (True, 25.0), (1e9, 25.0)):
             rospy.set_param('~most_megapixels', value)
             with Warnings() as texts:
                 assert image_transport.image_transport.most_megapixels() == expected
-            assert ('~most_megapixels must be a number' in ''.join(texts)) == (expected == 36.0), value
+            assert ('~most_megapixels must be a number' in ''.join(texts)) == (expected == 25.0), value
         rospy.set_param('~most_megapixels', 0.08)
         self.addCleanup(rospy.delete_param, '~most_megapixels')
         publisher = self.advertise('large')
@@ -341,6 +341,26 @@ class ImageTransportTest(unittest.TestCase):
             connection.settimeout(PATIENCE)
             assert connection.recv(100) == b'', 'ended after some seconds'
 
+    def test_who_asks_for_what_has_been_withdrawn_is_answered_and_not_reported(self):
+        """As somebody does whenever a node ends; who says nothing and leaves is no news either."""
+        self.advertise('besieged', transports=['raw']).shutdown()
+        address = rospy.impl.tcpros_base.get_tcpros_server_address()
+        handshakes = rospy.impl.tcpros_base._tcpros_server.tcp_ros_server.inbound_handler
+        refused = handshakes._refused
+        for said, answer in (
+                (on_the_wire_as_header('topic=/besieged', 'md5sum=*', 'callerid=/test'), b'not a publisher of'),
+                (on_the_wire_as_header('service=/nowhere', 'md5sum=*', 'callerid=/test'), b'not a provider of'),
+                (on_the_wire_as_header('topic=/besieged'), b'Missing required'), (b'', b''), (b'\x40', b'')):
+            with socket.create_connection(address, PATIENCE) as connection:
+                connection.sendall(said)
+                connection.shutdown(socket.SHUT_WR)
+                heard = b''.join(iter(lambda connection=connection: connection.recv(1000), b''))
+            assert answer in heard, said
+        assert handshakes._refused == refused
+        with socket.create_connection(address, PATIENCE) as connection:
+            connection.sendall(on_the_wire_as_header('nothing=of use'))
+            wait_until(lambda: handshakes._refused == refused + 1, 'what makes no sense is reported')
+
     def test_a_subscription_that_ends_leaves_no_descriptor_open(self):
         publisher = self.advertise('cycled', transports=['raw'])
         gc.disable()
@@ -376,6 +396,15 @@ class ImageTransportTest(unittest.TestCase):
         message = messages.get(timeout=PATIENCE)
         assert (message.encoding, message.header.frame_id) == ('rgb8', 'twice')
         np.testing.assert_allclose(corners(to_array(message, 'passthrough')), corners(quadrants('rgb8')), atol=5)
+        diagnostics = Diagnostics('unpack')
+        self.addCleanup(diagnostics.close)
+        values = diagnostics.wait_for_values(lambda values: values['frames processed'] == '1', 'counted')
+        assert values['input'] == '/packed/compressed (compressed)'
+        publisher = self.plain_publisher('packed/compressed', CompressedImage)
+        publisher.publish(Header(), 'jpeg', b'not a picture')
+        values = diagnostics.wait_for_values(lambda values: values['frames rejected'] == '1', 'refused')
+        assert values['level'] >= 1
+        assert 'images rejected: neither JPEG nor PNG: 13 bytes' in values['message']
         published = dict(rospy.get_published_topics())
         assert {'/unpacked', '/packed', '/packed_again'} & set(published) == {'/unpacked'}
 

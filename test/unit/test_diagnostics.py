@@ -70,6 +70,7 @@ IDLE = {'listeners': 0, 'subscribed': False, 'connections': 0}
     (OK, ['images per second'], changed({'spread': (0.1, 0.9)})),
     (WARN, ['harris has been at work on one image for 4 s'], changed(busy=4.0)),
     (ERROR, ['harris has been at work on one image for 44 s'], changed(busy=44.0)),
+    (WARN, ['2 calls of detectors that were given up still hang'], changed(abandoned=2)),
     (WARN, ['images rejected: data has 100 bytes (1 of 150 in 5 s)'],
      changed({'interval': Totals(1.0, 30, 29, 0, 1, 0.1), 'window': Totals(5.0, 150, 149, 0, 1, 0.5)},
              last_problem='data has 100 bytes')),

@@ -50,8 +50,8 @@ def decoder():
 
 
 @pytest.mark.parametrize('data', [
-    hostile.png(6000, 6000, 8, 6), hostile.png(4898, 4898, 16, 2), hostile.flat_jpeg(6000, 6000, (0x11,) * 4),
-    hostile.progressive_jpeg(4000, 4000, 36, hostile.COLOUR)],
+    hostile.png(5000, 5000, 8, 6), hostile.png(4082, 4082, 16, 2), hostile.flat_jpeg(5000, 5000, (0x11,) * 4),
+    hostile.progressive_jpeg(3333, 3333, 36, hostile.COLOUR)],
     ids=['PNG with alpha', 'PNG of 48 bits', 'JPEG of four inks', 'JPEG of 36 scans'])
 def test_the_largest_images_take_no_more_than_is_promised(data):
     """Each in a fresh process, as memory is its peak."""

@@ -107,3 +107,56 @@ def test_how_long_an_item_has_been_at_work():
     go_on.set()
     worker.stop()
     assert worker.busy_since is None
+
+
+def test_a_worker_that_hangs_is_replaced_and_what_it_brings_later_is_not_wanted():
+    gate, begun, late, seen, ended = (threading.Event(), threading.Event(), threading.Event(), [], threading.Event())
+
+    def work(item):
+        if item == 'hangs':
+            begun.set()
+            assert gate.wait(SECONDS)
+            late.set()
+            worker.check()
+            seen.append('late')   # never
+        seen.append(item)
+        ended.set()
+
+    worker = NewestWorker(work, fail)
+    worker.put('hangs')
+    assert begun.wait(SECONDS)
+    assert worker.busy_since is not None
+    assert worker.renew()
+    assert (worker.busy_since, worker.abandoned()) == (None, 1)
+    worker.put('next')
+    assert ended.wait(SECONDS)
+    gate.set()
+    assert late.wait(SECONDS)
+    deadline = time.monotonic() + SECONDS
+    while worker.abandoned():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+    worker.check()   # anybody else's thread
+    worker.stop()
+    assert seen == ['next']
+    assert worker.busy_since is None
+
+
+def test_only_so_many_threads_are_given_up():
+    gate, begun = threading.Event(), threading.Semaphore(0)
+
+    def work(item):
+        begun.release()
+        gate.wait(SECONDS)
+
+    worker = NewestWorker(work, fail)
+    for _ in range(3):
+        worker.put('hangs')
+        assert begun.acquire(timeout=SECONDS)
+        assert worker.renew()
+    worker.put('hangs')
+    assert begun.acquire(timeout=SECONDS)
+    assert not worker.renew()
+    assert worker.abandoned() == 3
+    gate.set()
+    worker.stop()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import logging
 import math
 import statistics
 import time
@@ -12,6 +13,8 @@ from typing import Sequence
 import cv2
 import numpy as np
 
+from rvc_features import key_points
+from rvc_features.brief import cut, reporter
 from rvc_features.comparison import measures, pictures
 from rvc_features.comparison.contestants import Contestant, parse, with_distinct_labels
 from rvc_features.drawing import draw_key_points
@@ -44,7 +47,7 @@ class SideBySide:
         self.contestants = [dataclasses.replace(contestant, masks=self.masks) for contestant in contestants]
         self.tile_width = tile_width
         for contestant in self.contestants:
-            contestant.detect(_WARM_UP)
+            _found(contestant, _WARM_UP)
         self._milliseconds: list[deque[float]] = [deque(maxlen=_REMEMBERED) for _ in self.contestants]
 
     def mosaic(self, image: np.ndarray) -> np.ndarray:
@@ -67,17 +70,29 @@ class SideBySide:
         tiles = []
         for contestant, milliseconds in zip(self.contestants, self._milliseconds):
             start = time.perf_counter()
-            points = contestant.detect(grey)
+            points, problem = _found(contestant, grey)
             milliseconds.append((time.perf_counter() - start) * 1000)
             tiles.append(pictures.Picture(
                 f'{contestant.label}: {len(points)} points, {statistics.median(milliseconds):.1f} ms',
-                _cells_in_words(measures.positions(points), grey.shape),
+                problem or _cells_in_words(measures.positions(points), grey.shape),
                 shaded(draw_key_points(small, _scaled(points, scale)), mask)))
         return pictures.mosaic(tiles, math.ceil(math.sqrt(len(tiles))))
 
 
 _WARM_UP = np.kron(np.eye(4, dtype=np.uint8) * 200, np.ones((16, 16), np.uint8))   # compiles what is to be compiled
+_LONGEST_PROBLEM = 60   # characters, of which some forty have room under a tile
+_logger = logging.getLogger(__name__)
 _REMEMBERED = 15   # images: the time shown is the median over them, or it couldn't be read
+
+
+def _found(contestant: Contestant, grey: np.ndarray) -> tuple[np.ndarray, str]:
+    """Key points and nothing, or none and what went wrong: one detector that fails must not take the others along."""
+    try:
+        return contestant.detect(grey), ''
+    except (Exception, SystemExit) as error:
+        problem = cut(f'{type(error).__name__}: {error}', _LONGEST_PROBLEM)
+        reporter().say(_logger.error, f'detector {contestant.label}', f'{contestant.label} fails: {problem}')
+        return key_points.empty(), problem
 
 
 def _cells_in_words(points: np.ndarray, shape: tuple[int, ...]) -> str:

@@ -17,6 +17,7 @@ from typing import Any
 import rospy
 import rospy.impl.tcpros_base
 from rosgraph.network import decode_ros_handshake_header, write_ros_handshake_header
+from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from rvc_features.brief import reporter, shown
 
@@ -49,12 +50,16 @@ class Handshakes:
         threading.Thread(target=self._answer, args=(connection, address), name='handshake', daemon=True).start()
 
     def _answer(self, connection: socket.socket, address: tuple) -> None:
+        ordinary = False
         try:
             header = _read_header(connection)
             with self._turn:
+                ordinary = _is_withdrawn(header)
                 problem = self._accept(connection, address, header)
             if problem:
                 write_ros_handshake_header(connection, {'error': problem})
+        except EOFError as error:   # who connects, and ends before it says anything, is no trouble
+            problem, ordinary = str(error), True
         except Exception as error:   # whatever the other side, or what it sent, leads to
             problem = str(error) or type(error).__name__
         finally:
@@ -63,7 +68,8 @@ class Handshakes:
                     self._waiting.remove(connection)
         if problem:
             connection.close()
-            self._report(address, problem)
+            if not ordinary:
+                self._report(address, problem)
 
     def _accept(self, connection: socket.socket, address: tuple, header: dict[str, str]) -> str | None:
         """rospy's answer: nothing, or why not."""
@@ -111,6 +117,14 @@ def _read(connection: socket.socket, size: int, deadline: float) -> bytes:
             raise EOFError('closed before it said what it wants')
         data += portion
     return data
+
+
+def _is_withdrawn(header: dict[str, str]) -> bool:
+    """Whether a topic or service is asked for that isn't there: most likely it was, a moment ago."""
+    if 'topic' in header:
+        topic = get_topic_manager().get_publisher_impl(header['topic'])
+        return topic is None or topic.closed
+    return 'service' in header and get_service_manager().get_service(header['service']) is None
 
 
 def _shut(connection: socket.socket) -> None:

@@ -36,6 +36,11 @@ class Publisher:
         """How many images could not be encoded."""
         return sum(outlet.errors for outlet in self._outlets)
 
+    @property
+    def last_error(self) -> str:
+        """Why the last one could not; empty if all could."""
+        return next((outlet.last_error for outlet in self._outlets if outlet.last_error), '')
+
     def publish(self, message: sensor_msgs.msg.Image) -> None:
         """Send an image to whoever listens."""
         if getattr(message, '_type', None) != Image._type:
@@ -78,7 +83,7 @@ class _Outlet(rospy.SubscribeListener):
                  subscriber_connected: Callable[[], Any] | None,
                  subscriber_disconnected: Callable[[], Any] | None) -> None:
         super().__init__()
-        self.errors = 0
+        self.errors, self.last_error = 0, ''
         self._transport = transport
         self._latch = latch
         self._last: sensor_msgs.msg.Image | None = None      # latched
@@ -135,7 +140,7 @@ class _Outlet(rospy.SubscribeListener):
         try:
             message = self._transport.encode(image)
         except ImageError as error:
-            self.errors += 1
+            self.errors, self.last_error = self.errors + 1, str(error)
             reporter().say(rospy.logwarn, f'sending {self._topic}',
                            f'{self._topic}: image not sent, {self.errors} so far: {error}')
             return None

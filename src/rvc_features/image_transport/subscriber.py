@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any, Callable
 
 import rospy
+import sensor_msgs.msg
 
 from rvc_features.brief import reporter
 from rvc_features.image_transport.encodings import ImageError
@@ -47,6 +48,10 @@ class Subscriber:
         """Name of the transport in use."""
         return self._transport.name
 
+    def decode(self, message: Any) -> sensor_msgs.msg.Image:
+        """The image in a message that the callback got undecoded; ImageError where there is none."""
+        return self._transport.decode(whole(message))
+
     def shutdown(self) -> None:
         """Unsubscribe; a callback that has begun may still be running afterwards, but none begins."""
         self._callback = None
@@ -57,7 +62,7 @@ class Subscriber:
         if callback is None:
             return
         try:
-            image = self._transport.decode(whole(message)) if self._decode else message
+            image = self.decode(message) if self._decode else message
         except ImageError as error:
             self.errors += 1
             topic = self.get_topic()

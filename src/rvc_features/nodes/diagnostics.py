@@ -16,7 +16,7 @@ OK, WARN, ERROR = 0, 1, 2
 FIRST_PATIENCE = 5.0     # seconds without images before it is said, as long as it is not known how often they come
 _LEAST_PATIENCE = 2.5    # seconds, once it is known
 _GAPS = 3                # times the usual gap without images before it is said
-_BUSY, _HANGING = 2.0, 10.0   # seconds for one image: worth a warning, and an error
+_BUSY, HANGING = 2.0, 10.0   # seconds for one image: worth a warning, and an error
 _MANY_DROPPED = 0.1      # share of the images
 _FEW_DROPPED = 3         # images, that are no overload yet
 _OLD = 1.0               # seconds from an image's arrival to its results
@@ -60,6 +60,7 @@ class Situation:
     report: Report
     input: Input
     busy: float = 0.0                   # seconds that the detector has been at work on one image
+    abandoned: int = 0                  # calls of detectors that hang, and were given up for another detector
     starting: str = ''                  # what it is at while it starts
     least_points: int = 0
     other_publishers: tuple[str, ...] = ()   # of the topic of its own images
@@ -132,8 +133,10 @@ def _about_camera(images: Input) -> Iterator[Finding]:
 def _about_detector(situation: Situation) -> Iterator[Finding]:
     report, window = situation.report, situation.report.window
     if situation.busy > _BUSY:
-        yield Finding(ERROR if situation.busy > _HANGING else WARN,
+        yield Finding(ERROR if situation.busy > HANGING else WARN,
                       f'{situation.detector} has been at work on one image for {situation.busy:.0f} s')
+    if situation.abandoned:
+        yield Finding(WARN, f'{situation.abandoned} calls of detectors that were given up still hang')
     if report.interval.rejected or (window.rejected and not window.processed):
         nothing_else = window.processed == 0 and window.rejected >= _FEW_DROPPED
         share = f'{window.rejected} of {window.received} in {window.seconds:.0f} s'

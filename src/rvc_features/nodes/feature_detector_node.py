@@ -31,7 +31,7 @@ Parameters
     Those of cfg/FeatureDetectorConfig.cfg, by dynamic_reconfigure or preset, and
     ~image_transport (string, default: raw)
         Transport of `in`.
-    ~most_megapixels (number, default: 36)
+    ~most_megapixels (number, default: 25)
         Larger images are refused, in any transport.
     ~detector_modules (list of strings, default: empty)
         Python modules to import at start that register detectors of their own.
@@ -52,9 +52,7 @@ when things go wrong.
 
 from __future__ import annotations
 
-import threading
 import time
-import traceback
 from typing import Any
 
 import numpy as np
@@ -64,64 +62,52 @@ from rvc_features.brief import reporter, shown
 from rvc_features.cfg import FeatureDetectorConfigConfig as FeatureDetectorConfig
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.feature_detector import as_grey
-from rvc_features.heap import FrameHeap, keep_large_blocks, resident_bytes
+from rvc_features.heap import FrameHeap, keep_large_blocks
 from rvc_features.image_transport import ImageTransport, Subscriber, TransportHints, known_transport
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import to_array, to_image_message
 from rvc_features.kernels import warm_up
-from rvc_features.nodes import detector_config, detector_modules, odometry_config
-from rvc_features.nodes.diagnostics import ERROR, WARN, Finding, Input, Situation, judge
-from rvc_features.nodes.graph_watch import GraphWatch
+from rvc_features.nodes import detector_config, odometry_config
+from rvc_features.nodes.diagnostics import ERROR, HANGING, Finding
 from rvc_features.nodes.lazy_input import LazyInput
-from rvc_features.nodes.library_log import library_log
 from rvc_features.nodes.newest_worker import NewestWorker
 from rvc_features.nodes.odometry_outputs import OdometryOutputs
 from rvc_features.nodes.outputs import Listener, Publishers
 from rvc_features.nodes.sliders import with_detectors
 from rvc_features.nodes.spin import spin
 from rvc_features.nodes.start import only_ros_arguments, take_settings
-from rvc_features.nodes.statistics import NodeStatistics
-from rvc_features.nodes.status_publisher import StatusPublisher
+from rvc_features.nodes.supervision import Supervision
 from rvc_features.reconfigure import ReconfigureServer, warn_of_refused
 
-_PATIENCE = 2.0         # seconds for each thread to end what it is at, when the node is told to end
-_WAKE_UP = 1.0          # seconds until a subscription that has failed is thought of again
 _LEAST_KEY_POINTS = 10
-_MOST_TRACEBACKS = 10   # of errors in different places; each is shown once
 
 
 class FeatureDetectorNode:
     """Subscriber, worker and publishers; the detector is one reference that `update_config` swaps."""
 
     def __init__(self) -> None:
-        self.detector = detector_config.create(FeatureDetectorConfig.defaults)
-        self.worker = NewestWorker(lambda item: self.process(*item), self.frame_failed, 'feature_detector')
-        self.statistics = NodeStatistics(lambda: (self.worker.received, self.worker.dropped))
+        self.detector = self._at_work = detector_config.create(FeatureDetectorConfig.defaults)
+        self.worker = NewestWorker(lambda item: self.process(*item), lambda error: self.supervision.frame_failed(error),
+                                   'feature_detector')
         self.odometry = OdometryOutputs(lambda: self.detector)
         self.heap = FrameHeap()
         self.input = LazyInput(self._subscribe, self._listeners)
         self.hints = TransportHints()
         self.publishers: Publishers | None = None
         self.server: ReconfigureServer | None = None
-        self._starting = 'compiling the hot loops, or loading them'
-        self._lasting: list[Finding] = []   # found while it starts, and true from then on
         self._least_key_points = _LEAST_KEY_POINTS
         self._picture = np.empty((0, 0, 3), np.uint8)
-        self._tracebacks: set[tuple[str, int]] = set()
-        self._stopping = False
-        self.graph_watch = GraphWatch(lambda: [self._input_state().topic], self._restore_parameters)
-        self.status = StatusPublisher('feature detector', self.report, self.heap.tidy)
-        self._subscribing = threading.Thread(target=self._keep_subscribed, name='lazy input', daemon=True)
-        rospy.on_shutdown(self.shutdown)
-        self.status.start()   # first of all, so that whatever the start hangs at is seen
+        self.supervision = Supervision('feature detector', lambda: self._at_work.name, self.worker, self.input, 'image',
+                                       self._details, self._once_a_second, self._restore_parameters)
+        self.supervision.start()   # first of all, so that whatever the start hangs at is seen
         self._start()
 
     def _start(self) -> None:
+        supervision = self.supervision
+        supervision.starting = 'compiling the hot loops, or loading them'
         rospy.loginfo('loading the detector\'s hot loops; where the build has not compiled them, this takes a while')
         rospy.loginfo('... took %.1f s', warm_up.compile_all())
-        for problem in detector_modules.import_all(rospy.get_param('~detector_modules', []), self._importing):
-            self._lasting.append(Finding(WARN, problem))
-            rospy.logerr(problem)
+        supervision.import_detector_modules()
         self._least_key_points = self._positive('~least_key_points', _LEAST_KEY_POINTS)
         config_type = with_detectors(FeatureDetectorConfig)
         problems = take_settings(config_type.defaults)
@@ -130,14 +116,13 @@ class FeatureDetectorNode:
         self.server = ReconfigureServer(config_type, self.update_config, reject=self.reject_parameters,
                                         settle=odometry_config.settle)
         self.hints = known_transport(self._refuse_transport)
-        images = self._input_state()
+        supervision.transport = self.hints.transport
+        images = supervision.input_state()
         if not images.remapped:
             rospy.logwarn('in is not remapped (in:=/camera/image_raw): images are expected on %s', images.topic)
         self.odometry.start(Listener(self.input.changed), self.reject_parameters)
         self.publishers = Publishers(self.input.changed)
-        self._starting = ''
-        self._subscribing.start()
-        self.graph_watch.start()
+        supervision.started()
 
     def update_config(self, config: Any, level: int) -> Any:
         """Callback of dynamic_reconfigure, with sane values: a new detector takes the place of the old one."""
@@ -147,14 +132,12 @@ class FeatureDetectorNode:
 
     def reject_parameters(self, problems: list[str]) -> None:
         """Count and report parameter values that were refused."""
-        self.statistics.parameters_refused(len(problems))
+        self.supervision.statistics.parameters_refused(len(problems))
         warn_of_refused(problems)
 
     def image_message_callback(self, message: Any) -> None:
         """Called for each image: only keeps it, for the worker to take the newest."""
-        stamp = message.header.stamp
-        arrived = self.statistics.frame_arrived((rospy.Time.now() - stamp).to_sec() if stamp else None)
-        self.worker.put((message, arrived))
+        self.worker.put((message, self.supervision.frame_arrived(message)))
 
     def process(self, message: Any, arrived: float) -> None:
         """One image from message to messages, in the worker's thread; a bad one is reported and skipped."""
@@ -163,68 +146,13 @@ class FeatureDetectorNode:
         try:
             found, shape = self._detect_and_publish(message)
         except ImageError as error:
-            self.statistics.frame_rejected(str(error))
-            reporter().say(rospy.logwarn, 'images', f'image skipped: {error}')
+            self.supervision.frame_refused(error)
         else:
-            now = time.monotonic()
-            self.statistics.frame_processed(found, shape, now - start, now - arrived)
-
-    def frame_failed(self, error: BaseException) -> None:
-        """Called with what a detector that is plugged in raises, be it SystemExit: the next frame may be better."""
-        text = f'{type(error).__name__}: {error}'
-        self.statistics.frame_rejected(text)
-        reporter().say(rospy.logerr, 'detector', f'image skipped: {text}')
-        places = traceback.extract_tb(error.__traceback__)
-        place = (places[-1].filename, places[-1].lineno or 0) if places else ('', 0)
-        if place not in self._tracebacks and len(self._tracebacks) < _MOST_TRACEBACKS:
-            self._tracebacks.add(place)
-            rospy.logerr('this is said once:\n%s', ''.join(traceback.format_list(places[-4:])).rstrip()[-1000:])
-
-    def report(self) -> tuple[Finding, dict[str, Any]]:
-        """Level and message of the node's diagnostic status, and its values."""
-        report, images, detector = self.statistics.report(), self._input_state(), self.detector
-        busy_since, graph, output = self.worker.busy_since, self.graph_watch.graph, rospy.resolve_name('image')
-        situation = Situation(
-            detector.name, report, images,
-            busy=0.0 if busy_since is None else time.monotonic() - busy_since, starting=self._starting,
-            least_points=min(self._least_key_points, getattr(detector, 'number_of_points', self._least_key_points)),
-            other_publishers=tuple(node for node in (graph.publishers.get(output, ()) if graph else ())
-                                   if node != rospy.get_name()),
-            output_topic=output, last_problem=self.statistics.last_problem, lasting=tuple(self._lasting),
-            passing=library_log().recent(), master=self.graph_watch.problem)
-        processed = report.interval.processed
-        return judge(situation), {
-            'detector': detector.name,
-            'input': f'{images.topic} ({images.transport})',
-            'publishers connected': images.connections,
-            'frames received': self.worker.received,
-            'frames processed': self.statistics.processed,
-            'frames dropped for newer ones': self.worker.dropped,
-            'frames rejected': self.statistics.frames_rejected,
-            'last rejected because': self.statistics.last_problem,
-            'rejected because': self.statistics.causes_in_words(),
-            'parameter values rejected': self.statistics.parameters_rejected,
-            'key points in last frame': self.statistics.points,
-            'milliseconds per frame': f'{1000 * report.interval.busy_seconds / processed:.1f}' if processed else 'none',
-            'age of output in ms, median': f'{1000 * report.age_median:.1f}' if processed else 'none',
-            'age of output in ms, worst': f'{1000 * report.age_worst:.1f}' if processed else 'none',
-            'seconds from stamp to arrival': 'none' if report.stamp_delay is None else f'{report.stamp_delay:.3f}',
-            **self.odometry.values(),
-            'memory in MB': f'{resident_bytes() / 1e6:.0f}',
-        }
-
-    def shutdown(self) -> None:
-        """End the threads; called by rospy, whose own flag is not set yet."""
-        self._stopping = True
-        self.input.changed.set()
-        self.graph_watch.stop()
-        self.status.stop(_PATIENCE)
-        if self._subscribing.is_alive():
-            self._subscribing.join(_PATIENCE)
-        self.worker.stop(_PATIENCE)
+            self.supervision.frame_processed(shape, start, arrived, found)
 
     def _detect_and_publish(self, message: Any) -> tuple[np.ndarray, tuple[int, int]]:
         detector, publishers = self.detector, self.publishers   # the same ones for the whole frame
+        self._at_work = detector
         assert publishers is not None   # nothing is subscribed to before
         draw = publishers.image.get_num_subscribers() > 0
         image = to_array(message, 'bgr8' if draw else 'mono8')
@@ -232,6 +160,7 @@ class FeatureDetectorNode:
         grey = as_grey(image)
         mask = self.odometry.mask(grey.shape, message.header)
         found = detector.detect_arrays(grey, mask)
+        self.worker.check()
         if publishers.key_points.get_num_connections() > 0:
             publishers.key_points.publish(self.odometry.key_points(found, message.header, detector.name, grey.shape))
         self.odometry.publish(grey, found, message.header, detector, mask, draw)
@@ -240,6 +169,7 @@ class FeatureDetectorNode:
             publishers.image.publish_array(picture, 'bgr8', message.header)
         if publishers.response.get_num_connections() > 0:
             response = detector.response_map(grey)
+            self.worker.check()
             if response is None:
                 reporter().say(rospy.logwarn, 'response', f'{detector.name} has no response map to publish')
             else:
@@ -253,29 +183,30 @@ class FeatureDetectorNode:
             self._picture = np.empty((*image.shape[:2], 3), np.uint8)
         return draw_key_points(image, found, self._picture)
 
-    def _keep_subscribed(self) -> None:
-        """Subscribe while somebody listens.
-
-        A thread of its own: rospy announces listeners with locks held that subscribing needs too, and without a master
-        subscribing waits until there is one.
-        """
-        while not self._stopping:
-            self.input.update()
-            self.input.wait(_WAKE_UP)
-
     def _listeners(self) -> int:
         return 0 if self.publishers is None else self.publishers.listeners() + self.odometry.listeners()
 
     def _subscribe(self) -> Subscriber:
-        self.statistics.waiting()
+        self.supervision.statistics.waiting()
         return ImageTransport().subscribe('in', self.image_message_callback, queue_size=1, transport_hints=self.hints,
                                           decode=False)
 
-    def _input_state(self) -> Input:
-        return self.input.state('in', self.hints.transport, self.graph_watch.graph)
+    def _details(self) -> tuple[dict[str, Any], dict[str, Any]]:
+        """What else /diagnostics should know and show."""
+        detector, statistics = self.detector, self.supervision.statistics
+        least = min(self._least_key_points, getattr(detector, 'number_of_points', self._least_key_points))
+        return {'least_points': least}, {
+            'detector': detector.name,
+            'parameter values rejected': statistics.parameters_rejected,
+            'key points in last frame': statistics.points,
+            **self.odometry.values(),
+        }
 
-    def _importing(self, module: str) -> None:
-        self._starting = f'importing {shown(module)}' if module else 'taking over the parameters'
+    def _once_a_second(self) -> None:
+        self.heap.tidy()
+        if self.supervision.busy() > HANGING and self._at_work != self.detector and self.worker.renew():
+            reporter().say(rospy.logerr, 'hangs', f'{self._at_work.name} is given up: the next images go to '
+                           f'{self.detector.name}, in a thread of its own')
 
     def _positive(self, name: str, default: int) -> int:
         value = rospy.get_param(name, default)
@@ -285,7 +216,7 @@ class FeatureDetectorNode:
         return default
 
     def _refuse_transport(self, problem: str) -> None:
-        self._lasting.append(Finding(ERROR, problem))
+        self.supervision.lasting.append(Finding(ERROR, problem))
         self.reject_parameters([problem])
 
     def _restore_parameters(self) -> None:

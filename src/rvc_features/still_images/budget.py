@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 
-MEGAPIXELS = 36.0
-"""How large an image may be if nobody says otherwise: video of 8K (33.2 megapixels) and most still cameras pass, and
-the worst that a message of 10 MB can hold takes less than 3 s and 1.5 GB from message to key points."""
+MEGAPIXELS = 25.0
+"""How large an image may be if nobody says otherwise: most cameras of machines pass (24 megapixels and less), and the
+worst that a message of 10 MB can hold takes less than 3 s and 1.5 GB from message to key points."""
 
 _LEAST_SIDE = 256        # pixels; narrower images are counted as if they were that wide, as each row costs something
 _BYTES = 4               # per pixel of the limit, when decoded: BGRA, or progressive JPEG in grey with its coefficients
