@@ -66,6 +66,8 @@ def test_the_command_tells_of_motion_and_files(tmp_path, capsys, monkeypatch):
 
 def test_what_can_not_be_read_is_said(capsys):
     assert track_command.main(['no_such_video.avi']) == 2
-    assert 'compare_tracks: no_such_video.avi: no such file' in capsys.readouterr().err
+    said = capsys.readouterr()
+    assert 'compare_tracks: no_such_video.avi: no such file' in said.err
+    assert said.out == ''   # before anything is measured
     assert track_command.main(['-d', 'banana']) == 2
     assert "unknown detector 'banana'" in capsys.readouterr().err

@@ -8,6 +8,7 @@ pytest.importorskip('rosbag', reason='ROS is not installed')
 from pathlib import Path
 
 from rvc_features import key_points
+from rvc_features.demo import command
 from rvc_features.demo.results import contact_sheet, lost, summary
 from rvc_features.demo.scenes import SETTINGS, Scene, phases_of
 
@@ -51,3 +52,13 @@ def test_frames_of_any_shape(shape):
 
 def test_what_did_not_come_is_a_dash():
     assert summary(phases()).splitlines()[2].split() == ['street', 'strongest', '150', '0', '0', '-', '-']
+
+
+def test_what_it_is_given_wrong_is_one_sentence(tmp_path, capsys):
+    (tmp_path / 'file').write_text('')
+    assert command.main(['--output', str(tmp_path / 'file')]) == 2
+    assert capsys.readouterr().err == (f"demo: {tmp_path / 'file'}: results can't be written there (File exists); give "
+                                       'another folder with --output\n')
+    with pytest.raises(SystemExit, match='2'):
+        command.main(['--topic', '/camera'])
+    assert 'demo: error: --topic names a topic of the bag, so --bag is needed, too' in capsys.readouterr().err

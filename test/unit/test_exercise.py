@@ -1,6 +1,8 @@
 """The examiner: right solutions in many styles raise no alarm, and each seeded mistake is named by what it is."""
 
 import json
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -269,3 +271,11 @@ def test_what_cannot_be_run(tmp_path, capsys):
     with pytest.raises(SystemExit) as ended:
         command.main(['--exercise', '7'])
     assert ended.value.code == 2
+
+
+def test_an_endless_loop_ends_with_the_examiner(tmp_path):
+    (tmp_path / 'endless.py').write_text('while True: pass')
+    child = [sys.executable, '-m', 'rvc_features.exercise.child', str(tmp_path / 'endless.py:HarrisDetector')]
+    examiner = f'import os, subprocess; subprocess.Popen({child}, stdin=subprocess.PIPE, stdout=subprocess.PIPE); os._exit(3)'
+    # Returns when nobody has its standard error any more: that of the child, too.
+    assert subprocess.run([sys.executable, '-c', examiner], stderr=subprocess.PIPE, timeout=20, check=False).returncode == 3

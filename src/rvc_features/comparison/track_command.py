@@ -9,19 +9,19 @@ import argparse
 import functools
 import sys
 import time
-from typing import Any, Callable, Iterator, Sequence
+from typing import Any, Callable, Iterable, Iterator, Sequence
 
 import cv2
 import numpy as np
 
 from rvc_features import detectors
+from rvc_features.command_line import BAD_INPUT, Interrupted, at_least, print_safely, quiet_opencv, signals_as_exceptions
 from rvc_features.comparison import contestants, track_measures, warps
 from rvc_features.comparison.contestants import ContestantError
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.odometry import tracks as followed
-from rvc_features.recordings.image_sources import SourceError, open_source, read_image
+from rvc_features.recordings.image_sources import Frame, SourceError, open_source, read_image
 
-BAD_INPUT = 2   # exit status
 MOTIONS = {     # of a photograph, for each frame: degrees, factor of size, pixels to the right
     'moved': (0.0, 1.0, 2.5), 'turned 1 degree': (1.0, 1.0, 0.0), 'enlarged 1 %': (0.0, 1.01, 0.0)}
 _NOISE = 3.0    # grey values, of each frame of those
@@ -37,32 +37,41 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument('input', nargs='*', help='video, image file, or folder of images in the order of their names')
     parser.add_argument('-d', '--detector', action='append', default=[], metavar='[LABEL=]NAME[:PARAMETER=VALUE,...]',
                         help=f'of {", ".join(detectors.names())}; may be repeated (default: harris)')
-    parser.add_argument('--tracks', type=int, default=150, metavar='N', help='at the most (default: %(default)s)')
+    parser.add_argument('--tracks', type=at_least(1), default=150, metavar='N',
+                        help='at the most (default: %(default)s)')
     parser.add_argument('--photograph', help='what is put in known motion (default: one that comes with OpenCV)')
+    print_safely()
     given = parser.parse_args(arguments)
+    quiet_opencv()
     try:
-        group = contestants.with_distinct_labels(
-            [contestants.parse(text, 0) for text in given.detector or ['harris']])
-        settings = followed.TrackerSettings(number_of_tracks=given.tracks)
-        path = given.photograph or warps.default_photograph()
-        photograph = read_image(path, grey=True) if path else warps.generated_photograph()
-        # A name for each way to make frames; a homography from the first one where it is known.
-        scenes: dict[str, Callable[[], Iterator[tuple[np.ndarray, np.ndarray | None]]]] = {
-            f'photograph {name}': functools.partial(in_motion, photograph, *motion)
-            for name, motion in MOTIONS.items()}
-        for source in given.input:
-            scenes[source] = functools.partial(_frames, source)
-        print(f'{"":34}{"tracks":>8}{"median length":>15}{"survive":>9}{"drift px":>10}{"rigid":>7}{"ms":>7}')
-        for name, frames in scenes.items():
-            print(name)
-            for contestant in group:
-                tracker = followed.Tracker(settings)
-                _row(contestant.label, frames(), functools.partial(_tracked, tracker, contestant.detector))
-            _row('plain OpenCV', frames(), PlainRecipe(given.tracks).track)
+        with signals_as_exceptions():
+            _compare(given)
     except (SourceError, ContestantError, ValueError) as error:
         print(f'{parser.prog}: {error}', file=sys.stderr)
         return BAD_INPUT
+    except Interrupted as interruption:
+        print(f'{parser.prog}: {interruption}', file=sys.stderr)
+        return interruption.status
     return 0
+
+
+def _compare(given: argparse.Namespace) -> None:
+    group = contestants.with_distinct_labels([contestants.parse(text, 0) for text in given.detector or ['harris']])
+    settings = followed.TrackerSettings(number_of_tracks=given.tracks)
+    path = given.photograph or warps.default_photograph()
+    photograph = read_image(path, grey=True) if path else warps.generated_photograph()
+    # A name for each way to make frames; a homography from the first one where it is known.
+    scenes: dict[str, Callable[[], Iterator[tuple[np.ndarray, np.ndarray | None]]]] = {
+        f'photograph {name}': functools.partial(in_motion, photograph, *motion) for name, motion in MOTIONS.items()}
+    for path in given.input:   # opened now: what can't be read is said before anything is measured
+        scenes[path] = functools.partial(_frames, open_source([path]))
+    print(f'{"":34}{"tracks":>8}{"median length":>15}{"survive":>9}{"drift px":>10}{"rigid":>7}{"ms":>7}')
+    for name, frames in scenes.items():
+        print(name)
+        for contestant in group:
+            tracker = followed.Tracker(settings)
+            _row(contestant.label, frames(), functools.partial(_tracked, tracker, contestant.detector))
+        _row('plain OpenCV', frames(), PlainRecipe(given.tracks).track)
 
 
 def in_motion(photograph: np.ndarray, degrees: float, zoom: float, right: float,
@@ -135,8 +144,8 @@ class PlainRecipe:
         return tracks
 
 
-def _frames(path: str) -> Iterator[tuple[np.ndarray, None]]:
-    return ((as_grey(frame.image), None) for frame in open_source([path]))
+def _frames(source: Iterable[Frame]) -> Iterator[tuple[np.ndarray, None]]:
+    return ((as_grey(frame.image), None) for frame in source)
 
 
 def _tracked(tracker: followed.Tracker, detector: FeatureDetector, image: np.ndarray, seconds: float) -> np.ndarray:

@@ -19,7 +19,6 @@ from typing import Iterator, Sequence
 import cv2
 
 from rvc_features.command_line import BAD_INPUT, FAILED, Interrupted, print_safely, quiet_opencv, signals_as_exceptions
-from rvc_features.demo.play import play
 from rvc_features.demo.results import contact_sheet, lost, summary
 from rvc_features.demo.scenes import DemoError, own_bag, real_frames
 from rvc_features.recordings.regular_files import SourceError
@@ -29,13 +28,17 @@ from rvc_features.recordings.whole_files import whole_file
 def main(arguments: Sequence[str] | None = None) -> int:
     """The command line; returns the exit status."""
     print_safely()
-    options = _parser().parse_args(arguments)
+    parser = _parser()
+    options = parser.parse_args(arguments)
+    if options.topic and not options.bag:
+        parser.error('--topic names a topic of the bag, so --bag is needed, too')
     quiet_opencv()
     output = Path(options.output)
     try:
         with signals_as_exceptions():
-            output.mkdir(parents=True, exist_ok=True)
+            _make_folder(output)
             with _alone_in(output):
+                from rvc_features.demo.play import play   # here, for what was given wrong can be said without a ROS node
                 scenes, topic = own_bag(options.bag, options.topic) if options.bag else real_frames(output)
                 phases = play(scenes, topic, output, options.view)
                 with whole_file(output / 'contact_sheet.png', suffix='.png') as unfinished:
@@ -53,6 +56,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if sentence:
         print(f'demo: {sentence}', file=sys.stderr)
     return FAILED if sentence else 0
+
+
+def _make_folder(path: Path) -> None:
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:   # a file of that name, for one, which says no more than "File exists"
+        raise DemoError(f'{path}: results can\'t be written there ({error.strerror}); give another folder with '
+                        '--output') from None
 
 
 @contextlib.contextmanager
