@@ -207,6 +207,7 @@ class TestTools(unittest.TestCase):
         self.assertEqual([row[-4:-2] for row in rows], [['1', '1']] * 6)           # every frame came out
         self.assertTrue(all(float(row[-1]) > 0.5 for row in rows), result.stdout)   # milliseconds
         self.assertIn('strongest 150', result.stdout)
+        self.assertRegex(result.stdout, r'The node ran on (Numba \d|without Numba \().*, NumPy \d.*, OpenCV \d')
         sheet = cv2.imread(str(output / 'contact_sheet.png'))
         self.assertEqual(sheet.shape, (2 * (30 + 360 + 8), 3 * (480 + 8), 3))
         shown = cv2.resize(self.images[3], (480, 360), interpolation=cv2.INTER_AREA)

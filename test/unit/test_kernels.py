@@ -315,7 +315,11 @@ def test_without_numba_the_same_points_and_one_line_in_the_log():
 
 @pytest.mark.slow
 def test_disabled_compiler_counts_as_no_numba():
-    assert run(DETECT, NUMBA_DISABLE_JIT='1')[-1] == 'available False True'
+    tell = DETECT + "    print(compiler.description())\n"
+    *_, available, description = run(tell, NUMBA_DISABLE_JIT='1')
+    assert available == 'available False True'
+    assert description == (f'without Numba (NUMBA_DISABLE_JIT is set), NumPy {np.__version__}, '
+                           f'OpenCV {cv2.__version__}')
 
 
 @pytest.mark.parametrize('local_maxima', [True, False])

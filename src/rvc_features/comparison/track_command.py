@@ -15,7 +15,14 @@ import cv2
 import numpy as np
 
 from rvc_features import detectors
-from rvc_features.command_line import BAD_INPUT, Interrupted, at_least, print_safely, quiet_opencv, signals_as_exceptions
+from rvc_features.command_line import (
+    BAD_INPUT,
+    Interrupted,
+    at_least,
+    print_safely,
+    quiet_opencv,
+    signals_as_exceptions,
+)
 from rvc_features.comparison import contestants, track_measures, warps
 from rvc_features.comparison.contestants import ContestantError
 from rvc_features.feature_detector import FeatureDetector, as_grey

@@ -38,12 +38,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         with signals_as_exceptions():
             _make_folder(output)
             with _alone_in(output):
-                from rvc_features.demo.play import play   # here, for what was given wrong can be said without a ROS node
+                from rvc_features.demo.play import play  # here: a mistake on the command line is said at once
                 scenes, topic = own_bag(options.bag, options.topic) if options.bag else real_frames(output)
-                phases = play(scenes, topic, output, options.view)
+                phases, running_on = play(scenes, topic, output, options.view)
                 with whole_file(output / 'contact_sheet.png', suffix='.png') as unfinished:
                     cv2.imwrite(str(unfinished), contact_sheet(phases))
-                table = summary(phases)
+                table = f'{summary(phases)}\nThe node ran on {running_on}.'
                 (output / 'summary.txt').write_text(table + '\n')
     except (SourceError, DemoError, OSError) as error:
         print(f'demo: {error}', file=sys.stderr)

@@ -34,8 +34,15 @@ _SHOWS = 7         # times that a frame is sent for the sheet; the first is not 
 _SHOWN = 'shown by the demo'   # frame_id of such a frame, by which it is known again
 
 
-def play(scenes: list[Scene], topic: str, output: Path, view: bool = False) -> list[Phase]:
+def play(scenes: list[Scene], topic: str, output: Path, view: bool = False) -> tuple[list[Phase], str]:
     """Show the node one frame of each scene under every setting, then play the scenes, and record what comes out.
+
+    Returns
+    -------
+    list of Phase
+        What came of each setting on each scene.
+    str
+        What the node runs on.
 
     Raises
     ------
@@ -54,7 +61,7 @@ def play(scenes: list[Scene], topic: str, output: Path, view: bool = False) -> l
             session.show(phases)
             session.play(phases)
             session.close()
-    return phases
+    return phases, session.running_on
 
 
 class _Session:
@@ -79,7 +86,7 @@ class _Session:
         self._subscribers = [
             rospy.Subscriber(f'{_NODE}/key_points', KeyPoints, self._key_points_came_out, queue_size=100),
             ImageTransport().subscribe(f'{_NODE}/image', self._image_came_out, queue_size=100)]
-        _wait_until_the_node_listens()
+        self.running_on = _wait_until_the_node_listens()
         threading.Thread(target=self._watch, daemon=True).start()
 
     def show(self, phases: list[Phase]) -> None:
@@ -195,16 +202,20 @@ def _wait_for_node(launch: subprocess.Popen, log: Path) -> None:
                 raise DemoError(f'the node has not started in {_START_PATIENCE:.0f} s; see {log}') from None
 
 
-def _wait_until_the_node_listens() -> None:
-    """Until the node reports that it is connected to the player."""
+def _wait_until_the_node_listens() -> str:
+    """Until the node reports that it is connected to the player; what it runs on."""
     connected = threading.Event()
+    running_on = ''
 
     def look(message: DiagnosticArray) -> None:
+        nonlocal running_on
         values = {pair.key: pair.value for status in message.status for pair in status.values}
         if int(values.get('publishers connected', 0)) > 0:
+            running_on = values['running on']
             connected.set()
 
     subscriber = rospy.Subscriber('/diagnostics', DiagnosticArray, look)
     if not connected.wait(_PATIENCE):
         raise DemoError('the node does not listen to the player')
     subscriber.unregister()
+    return running_on

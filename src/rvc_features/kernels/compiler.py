@@ -39,6 +39,12 @@ def available() -> bool:
     return not _reason_against
 
 
+def description() -> str:
+    """What the detector runs on, with versions, for people."""
+    by_numba = f'without Numba ({_reason_against})' if _reason_against else f'Numba {numba.__version__}'
+    return f'{by_numba}, NumPy {np.__version__}, OpenCV {cv2.__version__}'
+
+
 def kernel(function: Callable[..., Any]) -> Any:
     """Numba's decorator with the options of this package; without Numba the function stays as it is."""
     if _reason_against:

@@ -66,7 +66,7 @@ from rvc_features.heap import FrameHeap, keep_large_blocks
 from rvc_features.image_transport import ImageTransport, Subscriber, TransportHints, known_transport
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import to_array, to_image_message
-from rvc_features.kernels import warm_up
+from rvc_features.kernels import compiler, warm_up
 from rvc_features.nodes import detector_config, odometry_config
 from rvc_features.nodes.diagnostics import ERROR, HANGING, Finding
 from rvc_features.nodes.lazy_input import LazyInput
@@ -105,8 +105,10 @@ class FeatureDetectorNode:
     def _start(self) -> None:
         supervision = self.supervision
         supervision.starting = 'compiling the hot loops, or loading them'
-        rospy.loginfo('loading the detector\'s hot loops; where the build has not compiled them, this takes a while')
-        rospy.loginfo('... took %.1f s', warm_up.compile_all())
+        rospy.loginfo('running on %s', compiler.description())
+        if compiler.available():
+            rospy.loginfo('loading the hot loops; where the build has not compiled them, this takes a while')
+            rospy.loginfo('... took %.1f s', warm_up.compile_all())
         supervision.import_detector_modules()
         self._least_key_points = self._positive('~least_key_points', _LEAST_KEY_POINTS)
         config_type = with_detectors(FeatureDetectorConfig)

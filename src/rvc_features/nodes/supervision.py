@@ -15,6 +15,7 @@ from rvc_features import key_points
 from rvc_features.brief import reporter, shown
 from rvc_features.heap import resident_bytes
 from rvc_features.image_transport.encodings import ImageError
+from rvc_features.kernels import compiler
 from rvc_features.nodes import detector_modules
 from rvc_features.nodes.diagnostics import ERROR, Finding, Input, Situation, judge
 from rvc_features.nodes.graph_watch import GraphWatch
@@ -151,6 +152,7 @@ class Supervision:
         return judge(dataclasses.replace(situation, **changes)), {
             'input': f'{images.topic} ({images.transport})',
             'publishers connected': images.connections,
+            'running on': compiler.description(),
             'frames received': worker.received,
             'frames processed': statistics.processed,
             'frames dropped for newer ones': worker.dropped,
