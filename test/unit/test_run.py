@@ -39,3 +39,20 @@ def test_a_home_that_can_not_be_written_is_named(tmp_path):
     result = run('exec', 'true', RVC_FEATURES_HOME=str(tmp_path / 'file'))
     assert (result.returncode, result.stderr.count('\n')) == (1, 1)
     assert f"can't write to {tmp_path / 'file'}" in result.stderr
+
+
+def test_a_folder_that_a_program_still_writes_into_does_not_hinder_its_removal(tmp_path):
+    function = re.search(r'^discard\(\) \{.*?^\}', RUN.read_text(), re.MULTILINE | re.DOTALL)[0]
+    (tmp_path / 'devel').mkdir()
+    writer = subprocess.Popen(['bash', '-c', 'cd devel; while :; do mkdir -p a/b; : >a/b/$((++n)); done 2>/dev/null'],
+                              cwd=tmp_path)
+    try:
+        for _ in range(5):
+            (tmp_path / 'devel').mkdir(exist_ok=True)
+            done = subprocess.run(['bash', '-ec', f'home=$PWD\n{function}\ndiscard "$home/devel" "$home/not there"'],
+                                  cwd=tmp_path, stderr=subprocess.PIPE, timeout=60, check=False)
+            assert (done.returncode, done.stderr) == (0, b'')
+            assert not (tmp_path / 'devel').exists()
+    finally:
+        writer.kill()
+        writer.wait()
