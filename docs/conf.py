@@ -33,7 +33,7 @@ napoleon_google_docstring = False
 nitpick_ignore_regex = [('py:class', '.*')]
 
 html_theme = 'alabaster'
-html_theme_options = {'description': 'Key points for ROS 1, with a Harris detector to read', 'page_width': '1300px',
+html_theme_options = {'description': 'Key points for ROS 1, with a Harris detector to read', 'page_width': '1200px',
                       'body_max_width': 'none', 'font_size': '15px', 'code_font_size': '13px'}
 html_show_sphinx = html_show_copyright = html_copy_source = False
 html_math_renderer = 'mathml'    # needs neither network nor LaTeX

@@ -61,7 +61,7 @@ def sliders(texts: Sequence[str]) -> np.ndarray:
     image, panels = photograph(), []
     for text in texts:
         points = contestants.parse(text, 0).detect(image)
-        panels.append((draw_key_points(image, points), f'{text}: {len(points)} points'))
+        panels.append((draw_key_points(image, points), f'{text.replace(",", ", ")}: {len(points)} points'))
     return _side_by_side(panels)
 
 
