@@ -18,7 +18,7 @@ _RATE = 30   # frames per second of a camera
 
 
 def run(quick: bool) -> Report:
-    report = Report('scaling', 'Cost of a frame and its parts; 500 key points of the sheet\'s response', x_label='pixels')
+    report = Report('scaling', 'Cost of a frame and its parts; 500 key points by the sheet\'s H', x_label='pixels')
     detector = HarrisDetector(strength='harris', evenness=0.0, fixed_number_of_points=True)
     for size in ('VGA', '1080p') if quick else SIZES:
         image = images.picture(SIZES[size])

@@ -54,7 +54,7 @@ def commands() -> list[Command]:
     found: dict[str, Command] = {}
     for block in blocks():
         if block.language in ('', 'bash'):
-            for line in block.text.splitlines():
+            for line in block.text.replace('\\\n', ' ').splitlines():
                 text = re.sub(r'(^|\s)#.*', '', line).strip()
                 if text:
                     found.setdefault(text, Command(block.place, text))

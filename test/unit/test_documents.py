@@ -38,3 +38,10 @@ def everything_printed():
 def test_what_troubleshooting_quotes_is_what_the_programs_print(sentence, everything_printed):
     missing = [part for part in sentence.split('…') if part.strip() and part.strip() not in everything_printed]
     assert not missing
+
+
+def test_readme_lists_every_package_that_a_catkin_workspace_needs():
+    entry = re.search(r'^apt_packages=\((.*?)^\)', (ROOT / 'run').read_text(), re.MULTILINE | re.DOTALL)[1].split()
+    listed = re.search(r'sudo apt-get install (.*?)\n\n', (ROOT / 'README.md').read_text(), re.DOTALL)[1].split()
+    assert set(entry) - {'python3-venv', 'opencv-doc'} <= set(listed)
+    assert set(listed) - set(entry) - {'\\'} == {'python3-opencv', 'python3-numba', 'python3-tqdm', 'python3-yaml'}
