@@ -35,6 +35,7 @@ class Scale:
 FINE = Scale(smoothing=2, wider=0, further=10, saddle=0.3)
 COARSE = Scale(smoothing=2, wider=-2, further=6, saddle=0.5)   # in pixels of the image at half its size
 HALVING = 8   # steps before every second pixel is taken
+LEAST_WEIGHT = 0.01   # what weighs less at the ends of a window, or before the saddles, is left out: it costs time
 
 
 def two_scale_strength(image: np.ndarray, window_size: int = 5, window: str = 'gaussian') -> np.ndarray:
@@ -54,7 +55,7 @@ def two_scale_strength(image: np.ndarray, window_size: int = 5, window: str = 'g
         Side of the square window in pixels (at half the size: in pixels of that): odd, at least 3.
     window : {'gaussian', 'box'}
         Weights of the window. Gaussian: binomial, of variance (window_size - 1) / 2, which is a sigma of 1.4 for 5; at
-        half the size half a squared pixel less.
+        half the size half a squared pixel less. Weights below a hundredth are left out.
 
     Returns
     -------
@@ -121,7 +122,7 @@ def _corner_response(image: np.ndarray, scale: Scale, weights: np.ndarray) -> np
     trace = a + c
     corner = (a * c - b * b) / np.where(trace > 0, trace, 1)
 
-    image = smoothed(image, binomial(scale.further))
+    image = smoothed(image, _normalized(without_tails(binomial(scale.further))))
     value, first, second = np.ones(1), np.array([-0.5, 0, 0.5]), np.array([1.0, -2, 1])
     xx = cv2.sepFilter2D(image, -1, second, value, borderType=BORDER)
     xy = cv2.sepFilter2D(image, -1, first, first, borderType=BORDER)
@@ -152,7 +153,16 @@ def window_weights(scale: Scale, window_size: int, window: str) -> np.ndarray:
     """Weights of the window at that scale along one direction."""
     if window == 'box':
         return np.full(window_size, 1 / window_size)
-    return binomial(2 * (window_size - 1) + scale.wider)
+    return _normalized(without_tails(binomial(2 * (window_size - 1) + scale.wider)))
+
+
+def _normalized(weights: np.ndarray) -> np.ndarray:
+    return weights / weights.sum()
+
+
+def without_tails(weights: np.ndarray) -> np.ndarray:
+    """Those of the weights that are not below LEAST_WEIGHT, with which a few at either end are left out."""
+    return weights[weights >= LEAST_WEIGHT]
 
 
 def binomial(steps: int) -> np.ndarray:
@@ -191,7 +201,7 @@ def _taps(window_size: int, window: str) -> tuple[np.ndarray, compiled.Taps, com
 
     def of(scale: Scale) -> compiled.Taps:
         return (outwards(window_weights(scale, window_size, window)),
-                outwards(binomial(scale.further) * 2 ** scale.further),
+                outwards(without_tails(binomial(scale.further)) * 2 ** scale.further),
                 scale.saddle * (scale.smoothing + scale.further) / 4)
 
     return outwards(binomial(HALVING) * 2 ** HALVING), of(FINE), of(COARSE)

@@ -18,6 +18,7 @@ from rvc_features.two_scales import (
     strength_and_maximum,
     two_scale_strength,
     window_weights,
+    without_tails,
 )
 
 pytestmark = pytest.mark.skipif(not compiler.available(), reason='Numba is not installed')
@@ -41,7 +42,8 @@ def outwards(weights):
 
 
 def taps(scale, window_size, window):
-    return (outwards(window_weights(scale, window_size, window)), outwards(binomial(scale.further) * 2**scale.further),
+    return (outwards(window_weights(scale, window_size, window)),
+            outwards(without_tails(binomial(scale.further)) * 2**scale.further),
             scale.saddle * (scale.smoothing + scale.further) / 4)
 
 

@@ -14,8 +14,11 @@ if installed:
     from rvc_features.kernels.vectors import (
         LANES,
         converted,
+        interleaved_first,
+        interleaved_second,
         load,
         maximum,
+        products_of_pairs,
         quotient,
         splat,
         square_root,
@@ -28,6 +31,8 @@ _UINT16, _INT16, _INT32, _FLOAT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (
                                                                                 np.float32, np.float64))
 
 Taps = Tuple[np.ndarray, np.ndarray, float]
+
+_USUAL = 3   # radius of the usual window at either scale
 
 
 def strength(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse: Taps,
@@ -77,9 +82,10 @@ def _strength_of_rows(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse
     halve(image, halving.astype(column.dtype), halving.astype(row.dtype), (0,) * (len(halving) - 1),
           row.dtype.type(unit / total), half, max(0, first_half - reach), min(height, last_half + reach))
     response = np.empty((height, row_length(width, LANES)), np.float32)
-    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, 3 if exact else 0), None, response, LANES,
-              first_half, last_half)
-    return _response(image, smooth, *_scaled(fine, 1, wide, 4 if exact else 0), response, out, 0, first, last)
+    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, exact), None, None, response, LANES, first_half,
+              last_half)
+    return _response(image, smooth, *_scaled(fine, 1, wide, exact), _pairs(fine[1]) if exact else None, response, out,
+                     0, first, last)
 
 
 def _total(weights: np.ndarray) -> float:
@@ -87,24 +93,31 @@ def _total(weights: np.ndarray) -> float:
     return 2 * weights.sum() - weights[0]
 
 
-def _scaled(taps: Taps, unit: int, wide: np.ndarray, usual: int) -> tuple[Any, ...]:
+def _scaled(taps: Taps, unit: int, wide: np.ndarray, exact: bool) -> tuple[Any, ...]:
     """Weights of a scale in their types and, of both terms of the response, the factors that make grey values of them.
 
-    Weights come with a tuple as long as the radius where that is the `usual` one, so that the compiler knows it.
+    Weights come with a tuple as long as the radius where that is the usual one, so that the compiler knows it.
     """
     window, further, saddle = taps
     smoothing = 16 * unit   # the sum of [1 2 1]^T [1 2 1]
     radius, far = len(window) - 1, len(further) - 1
     corner, shape = 1 / (8 * smoothing) ** 2, saddle / (smoothing * _total(further) ** 2) ** 2
-    return (window.astype(np.float32), (0,) * usual if radius == usual else None, further.astype(wide.dtype),
-            (0,) * far, np.float32(corner), np.float32(shape))
+    return (window.astype(np.float32), (0,) * _USUAL if exact and radius == _USUAL else None,
+            further.astype(wide.dtype), (0,) * far, np.float32(corner), np.float32(shape))
+
+
+def _pairs(further: np.ndarray) -> np.ndarray:
+    """Weights from the centre outwards, two in turn in each row of sixteen; a 0 follows the last where it is alone."""
+    even = np.append(further, 0)[:len(further) + len(further) % 2]
+    return np.tile(even.astype(np.int16).reshape(-1, 2), LANES // 2)
 
 
 @kernel
-def _response(image, smooth, window, known, further, known_further, corner_unit, saddle_unit, coarse, out, margin,
+def _response(image, smooth, window, known, further, known_further, corner_unit, saddle_unit, pairs, coarse, out, margin,
               first, last):
     """Rows of the response R, or of the strength M where the coarse response is given; returns the largest M.
 
+    `pairs` are the `further` weights once more, where what they weigh is int16.
     Two rows at a time, for then each row of products is read half as often. `margin` is where rows of `out` begin.
     """
     height, width = image.shape
@@ -134,7 +147,11 @@ def _response(image, smooth, window, known, further, known_further, corner_unit,
         while done_wide <= min(height - 1, y + 2):
             for j in range(2 * far + 1):
                 offsets[j] = reflect(done_wide - far + j, height) % slots * length + lead
-            _widen_row(smoothed, offsets, further, far, column_of_smoothed, lead, width, wide, done_wide % 4)
+            if pairs is not None:
+                _widen_by_pairs(smoothed, offsets, pairs, far, column_of_smoothed, lead, width)
+            else:
+                _widen_columns(smoothed, offsets, further, far, column_of_smoothed, lead, width)
+            _widen_row(column_of_smoothed, further, far, lead, width, wide, done_wide % 4)
             done_wide += 1
         for j in range(2 * radius + 2):
             offsets[j] = reflect(y - radius + j, height) % product_slots * 3 * length + lead
@@ -199,14 +216,38 @@ def _smooth_row(image, y, column, lead, smoothed, slot):
 
 
 @kernel
-def _widen_row(smoothed, offsets, weights, far, column, lead, width, wide, slot):
-    """One row of the smoothed image smoothed further."""
+def _widen_columns(smoothed, offsets, weights, far, column, lead, width):
+    """Weighted sums down the columns of the smoothed image."""
     for i in range(0, width, LANES):
         total = splat(weights[0]) * converted(load(smoothed, offsets[far] + i), weights)
         for j in range(1, far + 1):
             pair = load(smoothed, offsets[far - j] + i) + load(smoothed, offsets[far + j] + i)
             total += splat(weights[j]) * converted(pair, weights)
         store(column, lead + i, total)
+
+
+@kernel
+def _widen_by_pairs(smoothed, offsets, pairs, far, column, lead, width):
+    """`_widen_columns` of int16, two products at a time."""
+    for i in range(0, width, LANES):
+        inner = load(smoothed, offsets[far] + i)
+        outer = load(smoothed, offsets[far - 1] + i) + load(smoothed, offsets[far + 1] + i)
+        first = products_of_pairs(interleaved_first(inner, outer), load(pairs, 0))
+        second = products_of_pairs(interleaved_second(inner, outer), load(pairs, 0))
+        for j in range(2, far + 1, 2):
+            last = min(j + 1, far)
+            inner = load(smoothed, offsets[far - j] + i) + load(smoothed, offsets[far + j] + i)
+            outer = load(smoothed, offsets[far - last] + i) + load(smoothed, offsets[far + last] + i)
+            weights = load(pairs, j // 2 * LANES)
+            first += products_of_pairs(interleaved_first(inner, outer), weights)
+            second += products_of_pairs(interleaved_second(inner, outer), weights)
+        store(column, lead + i, first)
+        store(column, lead + i + LANES // 2, second)
+
+
+@kernel
+def _widen_row(column, weights, far, lead, width, wide, slot):
+    """Weighted sums along the row of what was smoothed down the columns."""
     reflect_ends(column, lead, width, far)
     to = slot * wide.shape[1]
     for i in range(lead, lead + width, LANES):
