@@ -8,7 +8,18 @@ from rvc_features.kernels.compiler import LEAST_WIDTH, installed, kernel, read_o
 from rvc_features.kernels.rows import reflect, reflect_ends, row_lead, row_length, zeros
 
 if installed:
-    from rvc_features.kernels.vectors import LANES, converted, load, maximum, store, sum_of
+    from rvc_features.kernels.vectors import (
+        LANES,
+        converted,
+        interleaved_first,
+        interleaved_second,
+        load,
+        load_half,
+        maximum,
+        products_of_pairs,
+        store,
+        sum_of,
+    )
 
 # For their types: what pixels and sums of a few are kept in, and sums of their products or of many.
 _INT16, _INT32, _FLOAT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.int16, np.int32, np.float32, np.float64))
@@ -18,7 +29,7 @@ def energy_of_cells(image: np.ndarray, side: int) -> np.ndarray:
     """Sums of the squared gradient over squares; reference: `contrast.reference_energy_of_cells`."""
     image = _checked(image)
     exact = image.dtype == np.uint8 and side <= 64   # sums of 64 rows fit in 32 bits
-    return _energy_of_cells(image, side, *((_INT16, _INT32) if exact else (_FLOAT64, _FLOAT64)))
+    return _energy_of_cells(image, side, *((_INT16, _INT32, ()) if exact else (_FLOAT64, _FLOAT64, None)))
 
 
 def noise_of_runs(image: np.ndarray, run: int) -> np.ndarray:
@@ -37,8 +48,8 @@ def _checked(image: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _energy_of_cells(image, side, pixel, product):
-    """Sums down the columns of each row of squares, then along the row."""
+def _energy_of_cells(image, side, pixel, product, by_pairs):
+    """Sums down the columns of each row of squares, then along the row; `by_pairs` is not None where pixels are int16."""
     height, width = image.shape
     cells = np.zeros((-(-height // side), -(-width // side)), np.float64)
     lead = row_lead(1)
@@ -55,10 +66,16 @@ def _energy_of_cells(image, side, pixel, product):
         reflect_ends(smoothed, lead, width, 1)
         reflect_ends(falling, lead, width, 1)
         for i in range(lead, lead + width, LANES):
-            x_gradient = converted(load(smoothed, i + 1) - load(smoothed, i - 1), product)
-            middle = load(falling, i)
-            y_gradient = converted((load(falling, i - 1) + middle) + (middle + load(falling, i + 1)), product)
-            store(columns, i, load(columns, i) + (x_gradient * x_gradient + y_gradient * y_gradient))
+            x_gradient, middle = load(smoothed, i + 1) - load(smoothed, i - 1), load(falling, i)
+            y_gradient = (load(falling, i - 1) + middle) + (middle + load(falling, i + 1))
+            if by_pairs is not None:
+                first, second = interleaved_first(x_gradient, y_gradient), interleaved_second(x_gradient, y_gradient)
+                half = i + LANES // 2
+                store(columns, i, load_half(columns, i) + products_of_pairs(first, first))
+                store(columns, half, load_half(columns, half) + products_of_pairs(second, second))
+            else:
+                x_gradient, y_gradient = converted(x_gradient, product), converted(y_gradient, product)
+                store(columns, i, load(columns, i) + (x_gradient * x_gradient + y_gradient * y_gradient))
         if (y + 2) // side > y // side or y + 2 >= height:
             for cell in range(cells.shape[1]):
                 total = columns[0] - columns[0]   # zero, of their type
@@ -74,11 +91,11 @@ def _noise_of_runs(image, run, pixel, number):
     """The mask down the columns, then along the row."""
     height, width = image.shape
     runs, lead = width // run, row_lead(1)
-    means = np.empty((max(0, (height - 1) // 4), runs), np.float64)
+    means = np.empty((max(0, (height + 3) // 8), runs), np.float64)
     column = zeros(row_length(width, lead), pixel)
     nothing = zeros(LANES, number)
     for row in range(len(means)):
-        here = (4 * row + 2) * width
+        here = (8 * row + 2) * width
         for i in range(0, width, LANES):
             i = min(i, width - LANES)
             middle = converted(load(image, here + i), pixel)
