@@ -49,7 +49,7 @@ def _checked(image: np.ndarray) -> np.ndarray:
 
 @kernel
 def _energy_of_cells(image, side, pixel, product, by_pairs):
-    """Sums down the columns of each row of squares, then along the row; `by_pairs` is not None where pixels are int16."""
+    """Sums down the columns of each row of squares, then along the row; `by_pairs` is None but for pixels of int16."""
     height, width = image.shape
     cells = np.zeros((-(-height // side), -(-width // side)), np.float64)
     lead = row_lead(1)

@@ -82,8 +82,8 @@ def _strength_of_rows(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse
     halve(image, halving.astype(column.dtype), halving.astype(row.dtype), (0,) * (len(halving) - 1),
           row.dtype.type(unit / total), half, max(0, first_half - reach), min(height, last_half + reach))
     response = np.empty((height, row_length(width, LANES)), np.float32)
-    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, exact), None, None, response, LANES, first_half,
-              last_half)
+    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, exact), None, None, response, LANES,
+              first_half, last_half)
     return _response(image, smooth, *_scaled(fine, 1, wide, exact), _pairs(fine[1]) if exact else None, response, out,
                      0, first, last)
 
@@ -113,8 +113,8 @@ def _pairs(further: np.ndarray) -> np.ndarray:
 
 
 @kernel
-def _response(image, smooth, window, known, further, known_further, corner_unit, saddle_unit, pairs, coarse, out, margin,
-              first, last):
+def _response(image, smooth, window, known, further, known_further, corner_unit, saddle_unit, pairs, coarse, out,
+              margin, first, last):
     """Rows of the response R, or of the strength M where the coarse response is given; returns the largest M.
 
     `pairs` are the `further` weights once more, where what they weigh is int16.
