@@ -84,7 +84,7 @@ def _means_of_cells(sums: np.ndarray, factor: int, side: int, shape: tuple[int, 
     rows, columns = (-(-cells // factor) for cells in sums.shape)
     below, right = rows * factor - sums.shape[0], columns * factor - sums.shape[1]
     if factor > 1:
-        whole = cv2.copyMakeBorder(sums, 0, below, 0, right, cv2.BORDER_CONSTANT, value=0)
+        whole = cv2.copyMakeBorder(sums, 0, below, 0, right, cv2.BORDER_CONSTANT)   # of zeros
         sums = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA) * factor ** 2
     height = np.full((rows, 1), factor * side // 2, np.float32)   # of every second row
     width = np.full(columns, factor * side, np.float32)

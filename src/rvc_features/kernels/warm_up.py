@@ -41,8 +41,8 @@ def compile_all() -> float:
             for derivative_sigma in (1.0, 0.0):
                 values, _ = response.response(image, 5, window, 0.04, derivative_sigma)
         ones = np.ones(5)   # as many as the detector's own weights: two_scales compiles for their number
-        for window in (4, 5):   # the usual one, and all others
-            scale = ones[:window], ones[:4], 1.0
+        for count in (4, 5):   # the usual window, and all others
+            scale = ones[:count], ones[:4], 1.0
             two_scales.strength(image, ones, scale, scale)
         contrast.noise_of_runs(image, 16)
         contrast.bilinear(contrast.energy_of_cells(image, 8).astype(np.float32), np.ones(1), np.ones(1))
