@@ -55,12 +55,13 @@ def test_the_command_tells_of_motion_and_files(tmp_path, capsys, monkeypatch):
                                '--photograph', str(tmp_path / 'photograph.png')]) == 0
     lines = capsys.readouterr().out.splitlines()
     assert lines[1] == 'photograph moved'
-    label, count, length, survive, drift, rigid, _ = lines[2].split()
+    label, count, length, survive, drift, rigid, _, of_flow = lines[2].split()
     assert (label, length) == ('fast', '31')
     assert 35 <= int(count) <= 40
     assert float(survive) > 0.8
     assert float(drift) < 0.2
     assert float(rigid) > 0.9
+    assert float(of_flow) > 0
     assert sum(line.split()[:2] == ['plain', 'OpenCV'] for line in lines) == 2
 
 

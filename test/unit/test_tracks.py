@@ -76,6 +76,55 @@ def test_the_budget_and_the_least_distance_hold():
     assert len(tracker.track(view(motion(10)), 10.0, HARRIS)) == 0
 
 
+class CountingDetector:
+    """Harris, counting what it is asked."""
+
+    def __init__(self):
+        self.calls = 0
+
+    def detect_arrays(self, image, mask=None):
+        self.calls += 1
+        return HARRIS.detect_arrays(image, mask)
+
+
+def test_the_detector_is_asked_where_many_are_lost_or_few_for_long():
+    tracker, detector = Tracker(TrackerSettings(number_of_tracks=60, least_distance=15)), CountingDetector()
+    for step in range(30):
+        tracks = tracker.track(view(motion(step, across=1.0), seed=step), float(step), detector)
+        assert len(tracks) >= 50
+    assert 2 <= detector.calls <= 10   # the scene moves out by one pixel a frame
+    before = detector.calls
+    tracks = tracker.track(texture(SHAPE, 99), 30.0, detector)
+    assert detector.calls == before + 1
+    assert np.count_nonzero(tracks['age'] == 0) > 40
+
+
+def test_key_points_that_are_known_are_taken_before_the_detector_is_asked():
+    image, detector = view(motion(0)), CountingDetector()
+    found = HARRIS.detect_arrays(image)
+    tracks = Tracker(TrackerSettings(number_of_tracks=50)).track(image, 0.0, detector, found=found)
+    assert detector.calls == 0
+    assert len(tracks) == 50
+    assert np.isin(tracks['x'], found['x']).all()
+    tracks = Tracker(TrackerSettings(number_of_tracks=50)).track(image, 0.0, detector, found=found[:5])
+    assert detector.calls == 1
+    assert len(tracks) == 50
+    np.testing.assert_array_equal(tracks['x'][:2], found['x'][:2])
+
+
+def test_tracks_never_lie_under_the_mask():
+    """With any detector, new or followed: the pixel that a track lies in is allowed."""
+    generator = np.random.default_rng(0)
+    for name in detectors.names():
+        tracker, detector = Tracker(TrackerSettings(number_of_tracks=100, least_distance=5)), detectors.create(name)
+        for step in range(12):
+            mask = np.kron(generator.random((12, 16)) < 0.6, np.ones((20, 20))).astype(np.uint8)
+            tracks = tracker.track(view(motion(step, across=4.0, turn=0.5)), step / 30, detector, mask)
+            column, row = np.rint(positions(tracks)).astype(int).T
+            assert mask[row, column].all()
+        assert len(tracks) > 10
+
+
 def test_ids_are_never_used_again_whatever_the_camera_does():
     """Drops, loops of a bag, restarts, other sizes, blank images: a track of some id has one life without a gap."""
     generator = np.random.default_rng(0)

@@ -72,7 +72,8 @@ def _compare(given: argparse.Namespace) -> None:
         f'photograph {name}': functools.partial(in_motion, photograph, *motion) for name, motion in MOTIONS.items()}
     for path in given.input:   # opened now: what can't be read is said before anything is measured
         scenes[path] = functools.partial(_frames, open_source([path]))
-    print(f'{"":34}{"tracks":>8}{"median length":>15}{"survive":>9}{"drift px":>10}{"rigid":>7}{"ms":>7}')
+    print(f'{"":34}{"tracks":>8}{"median length":>15}{"survive":>9}{"drift px":>10}{"rigid":>7}{"ms":>7}'
+          f'{"of flow":>9}')
     for name, frames in scenes.items():
         print(name)
         for contestant in group:
@@ -161,19 +162,32 @@ def _tracked(tracker: followed.Tracker, detector: FeatureDetector, image: np.nda
 
 def _row(label: str, frames: Iterator[tuple[np.ndarray, np.ndarray | None]],
          track: Callable[[np.ndarray, float], np.ndarray]) -> None:
-    history, homographies, busy = [], [], 0.0
+    history: list[np.ndarray] = []
+    homographies, busy, flow, before = [], 0.0, 0.0, np.zeros((0, 0), np.uint8)
     for number, (image, homography) in enumerate(frames):
         start = time.process_time()
         history.append(track(image, number / _RATE))
         busy += time.process_time() - start
+        if number and before.shape == image.shape and len(history[-2]):
+            flow += _plain_flow_seconds(before, image, history[-2])
         homographies.append(homography)
+        before = image
     last = homographies[track_measures.FRAMES] if len(homographies) > track_measures.FRAMES else None
     missed = track_measures.drift(history[track_measures.FRAMES], last) if last is not None else np.zeros(0)
     numbers = (f'{np.mean([len(tracks) for tracks in history]):.0f}', f'{np.median(track_measures.lengths(history)):g}',
                _shown(track_measures.survival(history)), _shown(float(np.median(missed)) if len(missed) else None),
-               _shown(track_measures.rigid_share(history)), f'{1000 * busy / len(history):.1f}')
-    print(f'  {label:32}' + ''.join(f'{number:>{width}}' for number, width in zip(numbers, (8, 15, 9, 10, 7, 7))),
+               _shown(track_measures.rigid_share(history)), f'{1000 * busy / len(history):.1f}',
+               _shown(busy / flow if flow else None))
+    print(f'  {label:32}' + ''.join(f'{number:>{width}}' for number, width in zip(numbers, (8, 15, 9, 10, 7, 7, 9))),
           flush=True)
+
+
+def _plain_flow_seconds(before: np.ndarray, image: np.ndarray, tracks: np.ndarray) -> float:
+    """Processor time that OpenCV's flow takes alone, there and not back, with its own defaults."""
+    positions = np.column_stack((tracks['x'], tracks['y']))
+    start = time.process_time()
+    cv2.calcOpticalFlowPyrLK(before, image, positions, None)   # type: ignore[call-overload]
+    return time.process_time() - start
 
 
 def _shown(value: float | None) -> str:

@@ -95,7 +95,7 @@ class OdometryOutputs:
             return
         tracks, descriptors = self._publishers
         if tracks.get_num_connections() > 0 or (drawing and self._draw_trails):
-            self._follow(image, header, detector, mask, tracks)
+            self._follow(image, found, header, detector, mask, tracks)
         elif self._number_of_tracks:
             self._tracker.reset()   # whoever listens next begins with new tracks: frames have gone by unseen
             self._trails.clear()
@@ -104,11 +104,11 @@ class OdometryOutputs:
             name = self._descriptor
             descriptors.publish(descriptors_message(*describe(image, found, name), header, name, detector.name))
 
-    def _follow(self, image: np.ndarray, header: Header, detector: FeatureDetector, mask: np.ndarray | None,
-                publisher: rospy.Publisher) -> None:
+    def _follow(self, image: np.ndarray, found: np.ndarray, header: Header, detector: FeatureDetector,
+                mask: np.ndarray | None, publisher: rospy.Publisher) -> None:
         calibration = self._fitting(image.shape)
         undistort = None if calibration is None else calibration.undistorted
-        followed = self._tracker.track(image, header.stamp.to_sec(), detector, mask, undistort)
+        followed = self._tracker.track(image, header.stamp.to_sec(), detector, mask, undistort, found)
         self._number_of_tracks = len(followed)
         if self._draw_trails:
             self._trails.add(followed)

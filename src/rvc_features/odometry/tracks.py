@@ -42,7 +42,7 @@ class TrackerSettings:
     number_of_tracks: int = parameter(300, Integer('How many tracks there are at the most.', 0))
     least_distance: float = parameter(12.0, Real(
         'A new track starts no nearer than that to another one, in pixels.', 1))
-    window_size: int = parameter(21, Integer('Side of the window that is searched for in the next frame, in pixels.',
+    window_size: int = parameter(17, Integer('Side of the window that is searched for in the next frame, in pixels.',
                                              5, 63, odd=True))
     levels: int = parameter(4, Integer('Levels of the pyramid; each doubles the motion that can be followed.', 1, 8))
     forward_backward: float = parameter(1.0, Real(
@@ -86,10 +86,13 @@ class Tracker:
         self._image: np.ndarray | None = None
         self._time = -np.inf
         self._next_id = 0
+        self._lacking = 0.0   # see `_PATIENCE`
+        self._most = 0        # tracks after new ones were looked for last
         self.interval = 0.0
 
     def track(self, image: np.ndarray, time: float, detector: FeatureDetector, mask: np.ndarray | None = None,
-              undistort: Callable[[np.ndarray], np.ndarray] | None = None) -> np.ndarray:
+              undistort: Callable[[np.ndarray], np.ndarray] | None = None,
+              found: np.ndarray | None = None) -> np.ndarray:
         """The tracks in the next frame, the oldest first and among the new ones the strongest.
 
         A frame that is earlier than the one before, or of another size, starts anew: all its tracks are new ones.
@@ -106,6 +109,9 @@ class Tracker:
             Where tracks may be: not zero.
         undistort : callable, optional
             Takes positions, float64 (N, 2) in pixels, to those of an image without distortion, for the epipolar test.
+        found : structured array with x and y, optional
+            Key points of this frame under that mask, strongest first, where they are known already: new tracks begin at
+            them, and the detector is asked only where they are too few.
 
         Returns
         -------
@@ -120,7 +126,7 @@ class Tracker:
         else:
             self.interval = time - self._time
             kept = self._follow(self._image, grey, self.interval, mask, undistort)
-        new = self._begin(grey, time, kept, detector, mask)
+        new = self._begin(grey, time, kept, detector, mask, found)
         self._tracks = np.concatenate((kept, new))
         # A copy where the caller may draw on his image, or a driver use its memory again.
         self._image, self._time = (grey.copy() if np.shares_memory(grey, image) else grey), time
@@ -153,9 +159,9 @@ class Tracker:
     def _flow(self, before: np.ndarray, now: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Positions in the next frame, and whether each of them leads back to where it came from.
 
-        The way there is found in images of half the size, then exactly in the images themselves. A window that turns or
-        grows pulls its point aside, a little in each frame and always to the same side; so the frame before is first
-        turned and scaled as most points say.
+        The way there is found in images of a quarter of the size, then exactly in the images themselves. A window that
+        turns or grows pulls its point aside, a little in each frame and always to the same side; so the frame before is
+        first turned and scaled as most points say.
         """
         there = self._coarse_flow(before, now, start)
         turned, motion = _as_turned(before, start, there)
@@ -164,50 +170,70 @@ class Tracker:
         there[unknown] = expected[unknown]
         window = self.settings.window_size, self.settings.window_size
         exact: Any = {'winSize': window, 'maxLevel': 0, 'flags': cv2.OPTFLOW_USE_INITIAL_FLOW}
-        there, forth, _ = cv2.calcOpticalFlowPyrLK(turned, now, expected, there.copy(), criteria=_EXACT, **exact)
-        back, home, _ = cv2.calcOpticalFlowPyrLK(now, turned, there, expected.copy(), criteria=_BACK, **exact)
-        missed = np.hypot(*(back - expected).T)
+        there, found, _ = cv2.calcOpticalFlowPyrLK(turned, now, expected, there.copy(), criteria=_EXACT, **exact)
         # Back it has come from where it belongs, so that in images of different things it may well stay there.
-        alike = _alike(turned, expected, now, there, self.settings.window_size) >= _LEAST_ALIKE
-        return there, (forth.ravel() != 0) & (home.ravel() != 0) & (missed <= self.settings.forward_backward) & alike
+        followed = np.flatnonzero((found.ravel() != 0) & (_alike(turned, expected, now, there, self.settings.window_size)
+                                                          >= _LEAST_ALIKE))
+        kept = np.zeros(len(start), bool)
+        if len(followed):
+            home = expected[followed]
+            back, found, _ = cv2.calcOpticalFlowPyrLK(now, turned, there[followed], home.copy(), criteria=_BACK, **exact)
+            kept[followed] = (found.ravel() != 0) & (np.hypot(*(back - home).T) <= self.settings.forward_backward)
+        return there, kept
 
     def _coarse_flow(self, before: np.ndarray, now: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Positions in the next frame to about half a pixel; NaN where the flow has lost a point."""
-        side = self.settings.window_size * 4 // 5 | 1   # smaller than the exact one, and yet it sees more
+        """Positions in the next frame to about a pixel; NaN where the flow has lost a point."""
+        side, halvings = self.settings.window_size, min(self.settings.levels - 1, 2)
+        for _ in range(halvings):
+            before, now = cv2.pyrDown(before), cv2.pyrDown(now)
         there, found, _ = cv2.calcOpticalFlowPyrLK(   # type: ignore[call-overload]
-            cv2.pyrDown(before), cv2.pyrDown(now), start / 2, None, winSize=(side, side),
-            maxLevel=max(self.settings.levels - 2, 0), criteria=_COARSE)
-        there *= 2
+            before, now, start / 2 ** halvings, None, winSize=(side, side),
+            maxLevel=self.settings.levels - 1 - halvings, criteria=_COARSE)
+        there *= 2 ** halvings
         there[found.ravel() == 0] = np.nan
         return there
 
     def _begin(self, grey: np.ndarray, time: float, kept: np.ndarray, detector: FeatureDetector,
-               mask: np.ndarray | None) -> np.ndarray:
-        """New tracks where there is none within the least distance, as many as are missing."""
+               mask: np.ndarray | None, found: np.ndarray | None) -> np.ndarray:
+        """New tracks where there is none within the least distance, as many as are missing.
+
+        The detector takes about as long as the flow itself, so that few are not worth it, unless they are missed long.
+        """
         missing = self.settings.number_of_tracks - len(kept)
-        if missing <= _SPARE * self.settings.number_of_tracks:
+        lost = 1 - len(kept) / self._most if self._most else 1.0
+        self._lacking += max(lost, missing / max(self.settings.number_of_tracks, 1) / 3)
+        if missing <= 0 or self._lacking < _PATIENCE:
             return np.zeros(0, DTYPE)
-        occupied, distance = _positions(kept), self.settings.least_distance
-        found = detector.detect_arrays(grey, _thin(grey.shape, occupied, distance, mask))
-        found = found[_spread(_positions(found), occupied, distance, missing)]
-        tracks = np.zeros(len(found), DTYPE)
-        tracks['id'] = self._next_id + np.arange(len(found))
-        tracks['x'], tracks['y'] = found['x'], found['y']
-        tracks['start_x'], tracks['start_y'], tracks['start_time'] = found['x'], found['y'], time
-        self._next_id += len(found)
+        free = np.full(grey.shape, 255, np.uint8) if mask is None else (mask != 0).astype(np.uint8) * np.uint8(255)
+        _occupy(free, _positions(kept), self.settings.least_distance)
+        chosen = np.zeros((0, 2), np.float32)
+        if found is not None:
+            chosen = _spread(_positions(found), free, self.settings.least_distance, missing)
+        if len(chosen) < missing / 2:
+            found = detector.detect_arrays(grey, free)
+            more = _spread(_positions(found), free, self.settings.least_distance, missing - len(chosen))
+            chosen = np.concatenate((chosen, more))
+        self._lacking, self._most = 0.0, len(kept) + len(chosen)
+        tracks = np.zeros(len(chosen), DTYPE)
+        tracks['id'] = self._next_id + np.arange(len(chosen))
+        tracks['x'], tracks['y'] = tracks['start_x'], tracks['start_y'] = chosen.T
+        tracks['start_time'] = time
+        self._next_id += len(chosen)
         return tracks
 
 
 # When the flow stops: iterations, and the last step in pixels.
-_COARSE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.03)
+_COARSE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.1)
 _EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
-_BACK = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 10, 0.05)
+_BACK = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 5, 0.05)
 _FEWEST_FOR_EPIPOLAR = 8   # points, that the fundamental matrix takes
 _FEWEST_FOR_MOTION = 10    # points, for a motion to be that of most
 _LEAST_TURN = 0.005        # radians, or share of the size: less moves nothing in a window
 _LEAST_ALIKE = 0.5         # correlation of the windows in two frames
 _MERGED = 1.5              # pixels: tracks that are nearer follow the same corner
-_SPARE = 0.05              # share of the tracks that may be missing before new ones are looked for
+_PIXEL = 0.9               # pixels from a point to anywhere in its own, and by which a drawn disc may be too small
+_PART = 256                # points that are looked at together
+_PATIENCE = 0.5            # shares of the tracks that are gone, summed up over the frames, until new ones are looked for
 
 
 def _as_turned(image: np.ndarray, start: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
@@ -244,7 +270,7 @@ def _inside(points: np.ndarray, shape: tuple[int, ...], mask: np.ndarray | None)
 
 def _alike(first: np.ndarray, start: np.ndarray, second: np.ndarray, there: np.ndarray, side: int) -> np.ndarray:
     """Correlation of the windows at two positions in two images, from -1 to 1; NaN where one is flat."""
-    steps = np.arange(-(side // 2), side // 2 + 1, 3)   # a sample of it is enough
+    steps = np.arange(-(side // 2), side // 2 + 1, 4)   # a sample of it is enough
     windows = []
     for image, points in ((first, start), (second, there)):
         column, row = np.rint(points).astype(np.intp).T
@@ -264,36 +290,30 @@ def _unmerged(points: np.ndarray) -> np.ndarray:
     return np.sort(np.unique(cells[:, 0] + (cells[:, 1] << 32), return_index=True)[1])
 
 
-def _thin(shape: tuple[int, ...], occupied: np.ndarray, distance: float, mask: np.ndarray | None) -> np.ndarray | None:
-    """Mask of what is not near any of the points; a coarse one, for the exact distance is seen to afterwards."""
-    if len(occupied) == 0:
-        return mask
-    thin = np.full(shape, 255, np.uint8) if mask is None else (mask != 0).astype(np.uint8) * np.uint8(255)
-    for x, y in np.rint(occupied).astype(int).tolist():
-        cv2.circle(thin, (x, y), int(distance), (0,), cv2.FILLED)
-    return thin
+def _occupy(free: np.ndarray, points: np.ndarray, distance: float) -> None:
+    """Set `free` to zero in place wherever a pixel may hold a point within the distance of one of those."""
+    radius = round((distance + _PIXEL) * 16)
+    for x, y in np.rint(points * 16).astype(int).tolist():
+        cv2.circle(free, (x, y), radius, (0,), cv2.FILLED, cv2.LINE_8, 4)
 
 
-def _spread(points: np.ndarray, occupied: np.ndarray, distance: float, most: int) -> np.ndarray:
-    """Indices of up to `most` points, in their order, none within `distance` of one before or of what is occupied."""
-    cells: dict[tuple[int, int], list[tuple[float, float]]] = {}
+def _spread(points: np.ndarray, free: np.ndarray, distance: float, most: int) -> np.ndarray:
+    """Up to `most` of the points, in their order, where it is free and none within `distance` of one before.
 
-    def is_free(x: float, y: float, column: int, row: int) -> bool:
-        return not any((x - other_x) ** 2 + (y - other_y) ** 2 < distance ** 2
-                       for i in (column - 1, column, column + 1) for j in (row - 1, row, row + 1)
-                       for other_x, other_y in cells.get((i, j), ()))
-
-    for x, y in occupied.tolist():
-        cells.setdefault((int(x // distance), int(y // distance)), []).append((x, y))
+    What they take is set to zero in `free`.
+    """
     chosen: list[int] = []
-    for index, (x, y) in enumerate(points.tolist()):
-        if len(chosen) == most:
-            break
-        cell = int(x // distance), int(y // distance)
-        if is_free(x, y, *cell):
-            chosen.append(index)
-            cells.setdefault(cell, []).append((x, y))
-    return np.array(chosen, np.intp)
+    nearest = np.clip(np.rint(points).astype(np.intp), 0, (free.shape[1] - 1, free.shape[0] - 1))
+    for start in range(0, len(points), _PART):
+        column, row = nearest[start:start + _PART].T
+        for index in (start + np.flatnonzero(free[row, column])).tolist():
+            if len(chosen) >= most:
+                return points[chosen]
+            x, y = nearest[index].tolist()
+            if free.item(y, x):
+                chosen.append(index)
+                _occupy(free, points[index:index + 1], distance)
+    return points[chosen]
 
 
 def _epipolar_inliers(start: np.ndarray, there: np.ndarray, distance: float,
