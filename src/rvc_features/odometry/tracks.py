@@ -1,24 +1,20 @@
 """Tracks: points that keep their identity from frame to frame, as visual odometry wants them.
 
-Lucas and Kanade's optical flow in a pyramid (OpenCV's) carries the points from one frame to the next; what does not
-come back to where it was, when carried back, ends there. Where tracks have become thin, the detector finds new points.
-
-References
-----------
-J.-Y. Bouguet, "Pyramidal implementation of the Lucas Kanade feature tracker", 2000.
-Z. Kalal, K. Mikolajczyk and J. Matas, "Forward-backward error: automatic detection of tracking failures", ICPR 2010.
+`flow` carries the points from one frame to the next; what is not found again ends there. Where tracks have become thin,
+the detector finds new points.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Callable
+from typing import Callable
 
 import cv2
 import numpy as np
 
 from rvc_features import parameters
 from rvc_features.feature_detector import FeatureDetector, as_grey
+from rvc_features.odometry.flow import flow
 from rvc_features.parameters import Flag, Integer, Real, parameter
 
 DTYPE = np.dtype([
@@ -143,7 +139,8 @@ class Tracker:
         if len(tracks) == 0:
             return tracks
         start = _positions(tracks)
-        there, found = self._flow(before, now, start)
+        settings = self.settings
+        there, found = flow(before, now, start, settings.window_size, settings.levels, settings.forward_backward)
         alive = found & _inside(there, now.shape, mask)
         tracks, start, there = tracks[alive], start[alive], there[alive]
         if self.settings.epipolar and len(tracks) >= _FEWEST_FOR_EPIPOLAR:
@@ -155,43 +152,6 @@ class Tracker:
         tracks['velocity_x'], tracks['velocity_y'] = velocity.T
         tracks['age'] += 1
         return tracks[_unmerged(there)[:self.settings.number_of_tracks]]
-
-    def _flow(self, before: np.ndarray, now: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Positions in the next frame, and whether each of them leads back to where it came from.
-
-        The way there is found in images of a quarter of the size, then exactly in the images themselves. A window that
-        turns or grows pulls its point aside, a little in each frame and always to the same side; so the frame before is
-        first turned and scaled as most points say.
-        """
-        there = self._coarse_flow(before, now, start)
-        turned, motion = _as_turned(before, start, there)
-        expected = start if motion is None else _moved(start, motion)
-        unknown = np.isnan(there[:, 0])
-        there[unknown] = expected[unknown]
-        window = self.settings.window_size, self.settings.window_size
-        exact: Any = {'winSize': window, 'maxLevel': 0, 'flags': cv2.OPTFLOW_USE_INITIAL_FLOW}
-        there, found, _ = cv2.calcOpticalFlowPyrLK(turned, now, expected, there.copy(), criteria=_EXACT, **exact)
-        # Back it has come from where it belongs, so that in images of different things it may well stay there.
-        followed = np.flatnonzero((found.ravel() != 0) & (_alike(turned, expected, now, there, self.settings.window_size)
-                                                          >= _LEAST_ALIKE))
-        kept = np.zeros(len(start), bool)
-        if len(followed):
-            home = expected[followed]
-            back, found, _ = cv2.calcOpticalFlowPyrLK(now, turned, there[followed], home.copy(), criteria=_BACK, **exact)
-            kept[followed] = (found.ravel() != 0) & (np.hypot(*(back - home).T) <= self.settings.forward_backward)
-        return there, kept
-
-    def _coarse_flow(self, before: np.ndarray, now: np.ndarray, start: np.ndarray) -> np.ndarray:
-        """Positions in the next frame to about a pixel; NaN where the flow has lost a point."""
-        side, halvings = self.settings.window_size, min(self.settings.levels - 1, 2)
-        for _ in range(halvings):
-            before, now = cv2.pyrDown(before), cv2.pyrDown(now)
-        there, found, _ = cv2.calcOpticalFlowPyrLK(   # type: ignore[call-overload]
-            before, now, start / 2 ** halvings, None, winSize=(side, side),
-            maxLevel=self.settings.levels - 1 - halvings, criteria=_COARSE)
-        there *= 2 ** halvings
-        there[found.ravel() == 0] = np.nan
-        return there
 
     def _begin(self, grey: np.ndarray, time: float, kept: np.ndarray, detector: FeatureDetector,
                mask: np.ndarray | None, found: np.ndarray | None) -> np.ndarray:
@@ -222,36 +182,11 @@ class Tracker:
         return tracks
 
 
-# When the flow stops: iterations, and the last step in pixels.
-_COARSE = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 30, 0.1)
-_EXACT = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 20, 0.01)
-_BACK = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 5, 0.05)
 _FEWEST_FOR_EPIPOLAR = 8   # points, that the fundamental matrix takes
-_FEWEST_FOR_MOTION = 10    # points, for a motion to be that of most
-_LEAST_TURN = 0.005        # radians, or share of the size: less moves nothing in a window
-_LEAST_ALIKE = 0.5         # correlation of the windows in two frames
 _MERGED = 1.5              # pixels: tracks that are nearer follow the same corner
 _PIXEL = 0.9               # pixels from a point to anywhere in its own, and by which a drawn disc may be too small
 _PART = 256                # points that are looked at together
-_PATIENCE = 0.5            # shares of the tracks that are gone, summed up over the frames, until new ones are looked for
-
-
-def _as_turned(image: np.ndarray, start: np.ndarray, there: np.ndarray) -> tuple[np.ndarray, np.ndarray | None]:
-    """The image moved as most points say, and that motion (2 x 3); the image itself and None where it hardly turns."""
-    known = ~np.isnan(there[:, 0])
-    if np.count_nonzero(known) < _FEWEST_FOR_MOTION:
-        return image, None
-    motion, _ = cv2.estimateAffinePartial2D(start[known], there[known])
-    if motion is None or np.abs(motion[:, :2] - np.eye(2)).max() < _LEAST_TURN \
-            or not 0.5 < np.hypot(*motion[:, 0]) < 2:
-        return image, None
-    height, width = image.shape
-    return cv2.warpAffine(image, motion, (width, height), flags=cv2.INTER_LINEAR,
-                          borderMode=cv2.BORDER_REPLICATE), motion
-
-
-def _moved(points: np.ndarray, motion: np.ndarray) -> np.ndarray:
-    return (points @ motion[:, :2].T + motion[:, 2]).astype(np.float32)
+_PATIENCE = 0.5            # shares of the tracks that are gone, summed up over the frames, until new are looked for
 
 
 def _positions(points: np.ndarray) -> np.ndarray:
@@ -266,22 +201,6 @@ def _inside(points: np.ndarray, shape: tuple[int, ...], mask: np.ndarray | None)
         column, row = np.rint(points[inside]).astype(np.intp).T
         inside[inside] = mask[row, column] != 0
     return inside
-
-
-def _alike(first: np.ndarray, start: np.ndarray, second: np.ndarray, there: np.ndarray, side: int) -> np.ndarray:
-    """Correlation of the windows at two positions in two images, from -1 to 1; NaN where one is flat."""
-    steps = np.arange(-(side // 2), side // 2 + 1, 4)   # a sample of it is enough
-    windows = []
-    for image, points in ((first, start), (second, there)):
-        column, row = np.rint(points).astype(np.intp).T
-        rows = np.clip(row[:, None] + steps, 0, image.shape[0] - 1)
-        columns = np.clip(column[:, None] + steps, 0, image.shape[1] - 1)
-        window = image[rows[:, :, None], columns[:, None, :]].reshape(len(points), -1).astype(np.float32)
-        windows.append(window - window.mean(axis=1, keepdims=True))
-    one, other = windows
-    with np.errstate(invalid='ignore', divide='ignore'):
-        return np.einsum('ij,ij->i', one, other) / np.sqrt(np.einsum('ij,ij->i', one, one)
-                                                           * np.einsum('ij,ij->i', other, other))
 
 
 def _unmerged(points: np.ndarray) -> np.ndarray:
