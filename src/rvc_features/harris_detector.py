@@ -123,16 +123,12 @@ class HarrisDetector(FeatureDetector):
             Positions and sizes in pixels of the full image, in reading order.
         """
         search = search or Search()
-        strength, largest = self._strength(image, octave)
-        minimum = self._minimum(largest, search, image, octave)
-        for least in search.bounds(minimum, largest, is_a_corner=mask is None and self.border == 0):
-            x, y = self._corners_above(least, strength, mask)
-            if search.are_enough(len(x)):
-                break
+        x, y, strength = (self._corners_without_map(image, mask, search)
+                          or self._corners_of_map(image, octave, mask, search))
         corners = key_points.empty(len(x))
         corners['x'], corners['y'] = x << octave, y << octave
         corners['size'] = self._size() << octave
-        corners['response'] = self.rank(image, x, y, strength.ravel().take(y * strength.shape[1] + x))
+        corners['response'] = self.rank(image, x, y, strength)
         corners['octave'] = octave
         if octave + 1 < self.octaves:
             search.next_must_beat(corners['response'])
@@ -215,6 +211,27 @@ class HarrisDetector(FeatureDetector):
             return two_scales.strength_and_maximum(image, self.window_size, self.window, out)
         return response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
                                              self.derivative_sigma, out)
+
+    def _corners_without_map(self, image: np.ndarray, mask: np.ndarray | None,
+                             search: Search) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """x and y of the corners in pixels of the octave, and their strength; None where it takes a map."""
+        wanted = search.wanted(self.minimum_response)
+        if self.strength != 'harris' or not self.local_maxima or self.subpixel or wanted is None:
+            return None
+        minimum, number, share = wanted
+        return response.corners(image, self.window_size, self.window, self.harris_k, self.derivative_sigma, minimum,
+                                self.border, mask, number, share)
+
+    def _corners_of_map(self, image: np.ndarray, octave: int, mask: np.ndarray | None,
+                        search: Search) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """The same of the octave's map, which is valid until the thread's next image."""
+        strength, largest = self._strength(image, octave)
+        minimum = self._minimum(largest, search, image, octave)
+        for least in search.bounds(minimum, largest, is_a_corner=mask is None and self.border == 0):
+            x, y = self._corners_above(least, strength, mask)
+            if search.are_enough(len(x)):
+                break
+        return x, y, strength.ravel().take(y * strength.shape[1] + x)
 
     def _minimum(self, largest: float, search: Search, image: np.ndarray, octave: int) -> float:
         """What the strength of a corner must exceed in any case."""

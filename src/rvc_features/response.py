@@ -12,6 +12,7 @@ import cv2
 import numpy as np
 
 from rvc_features.kernels import compiler
+from rvc_features.kernels import corners as compiled_corners
 from rvc_features.kernels import response as compiled
 from rvc_features.parameters import Choice, Integer, Real, check
 
@@ -83,6 +84,20 @@ def response_and_maximum(image: np.ndarray, window_size: int, window: str, harri
             out[:] = response
         return response, float(response.max())
     return compiled.response(image, window_size, window, harris_k, derivative_sigma, out)
+
+
+def corners(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float, minimum: float,
+            border: int, mask: np.ndarray | None, number: int | None,
+            share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+    """x, y and response of the local maxima that can be wanted, without a map; None where there has to be one.
+
+    Those above `minimum`, inside the border and where the mask is not zero; in reading order. Where `number` is given
+    those that are not among that many strongest may be missing, else those below `share` of the strongest.
+    """
+    if not (window == 'box' and window_size == 3 and derivative_sigma < _LEAST_SIGMA and image.dtype == np.uint8
+            and harris_k >= compiled.LEAST_K_IN_SINGLE_PRECISION and _fits_kernel(image, window_size)):
+        return None
+    return compiled_corners.corners(image, harris_k, minimum, border, mask, number, share)
 
 
 def reference_response(image: np.ndarray, window_size: int, window: str, harris_k: float,

@@ -61,6 +61,14 @@ class Search:
         else:
             yield max(minimum, self._to_beat)
 
+    def wanted(self, minimum: float) -> tuple[float, int | None, float] | None:
+        """The same as a response to exceed, a number of strongest and a share of the largest; None: all are wanted."""
+        if self._threshold is None and self._number is None:
+            return None
+        # A little below the threshold, for responses are in single precision; the filter decides.
+        share = 0.0 if self._threshold is None else (1 - 1e-6) * self._threshold
+        return max(minimum, self._to_beat), self._number, share
+
     def are_enough(self, corners: int) -> bool:
         """Whether that many corners make it needless to look for weaker ones."""
         return self._number is not None and corners >= self._number

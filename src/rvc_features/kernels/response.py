@@ -61,7 +61,7 @@ def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k
     exact = image.dtype == np.uint8 and taps is None
     gradient, product = (_INT16, _INT32) if exact else (_FLOAT64, _FLOAT64)
     if window == 'box':
-        is_single = exact and harris_k >= _LEAST_K_IN_SINGLE_PRECISION
+        is_single = exact and harris_k >= LEAST_K_IN_SINGLE_PRECISION
         if is_single and window_size == 3:
             return smallest_box.response(image, np.float32(harris_k), out, first, last)
         kind = np.float32 if is_single else np.float64
@@ -75,7 +75,7 @@ _INT16, _INT32, _FLOAT64 = (np.empty(0, dtype) for dtype in (np.int16, np.int32,
 
 # Along an edge A C - B^2 cancels, and what single precision leaves over is 1e-7 of its terms: nothing beside
 # k (A + C)^2. Where k is so small that nothing else is left either, exact sums are multiplied in double precision.
-_LEAST_K_IN_SINGLE_PRECISION = 0.01
+LEAST_K_IN_SINGLE_PRECISION = 0.01
 
 
 @functools.lru_cache(maxsize=64)

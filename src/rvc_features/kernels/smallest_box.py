@@ -27,6 +27,7 @@ if installed:
         load,
         load_half,
         maximum,
+        only_even,
         only_odd,
         products_of_pairs,
         splat_half,
@@ -72,48 +73,60 @@ def _response_of_row(gradients, sums, new, middle, old, harris_k, out, y, larges
     harris_k, scale = splat_half(harris_k * scale), splat_half(scale)
     for at in range(0, width, LANES):
         i = min(at, width - LANES)
-        even_a, odd_a, even_b, odd_b, even_c, odd_c = _sums_of_three(gradients, i, sums, new + 3 * at)
-        m, o = middle + 3 * at, old + 3 * at
-        even = _harris(even_a + (load_half(sums, m) + load_half(sums, o)),
-                       even_b + (load_half(sums, m + 2 * _HALF) + load_half(sums, o + 2 * _HALF)),
-                       even_c + (load_half(sums, m + 4 * _HALF) + load_half(sums, o + 4 * _HALF)), harris_k, scale)
-        odd = _harris(odd_a + (load_half(sums, m + _HALF) + load_half(sums, o + _HALF)),
-                      odd_b + (load_half(sums, m + 3 * _HALF) + load_half(sums, o + 3 * _HALF)),
-                      odd_c + (load_half(sums, m + 5 * _HALF) + load_half(sums, o + 5 * _HALF)), harris_k, scale)
-        both = interleaved(even, odd)
-        store(out, y * width + i, both)
-        most = maximum(both, most)
+        sums_of_new = _sums_of_three(gradients, i, sums, new + 3 * at)
+        older = added(_kept(sums, middle + 3 * at), _kept(sums, old + 3 * at))
+        response = response_of_sums(added(sums_of_new, older), harris_k, scale)
+        store(out, y * width + i, response)
+        most = maximum(response, most)
     store(largest, 0, most)
 
 
 @kernel
 def _sums_of_three(gradients, i, sums, to):
-    """Products of the gradients in x and y, each summed over a pixel and its neighbours in the row; kept, and returned.
+    """`sums_along_the_row` of sixteen pixels from i on; kept, and returned."""
+    result = sums_along_the_row(gradients, LANES + i, LANES + gradients.shape[1] + i)
+    for part in range(6):
+        store(sums, to + part * _HALF, result[part])
+    return result
 
-    Of the even pixels 0, 2, 4 and so on of sixteen from i on: -1 with 0, and 1; of the odd ones: 0 with 1, and 2.
+
+@kernel
+def _kept(sums, at):
+    return (load_half(sums, at), load_half(sums, at + _HALF), load_half(sums, at + 2 * _HALF),
+            load_half(sums, at + 3 * _HALF), load_half(sums, at + 4 * _HALF), load_half(sums, at + 5 * _HALF))
+
+
+@kernel
+def sums_along_the_row(gradients, x, y):
+    """Products of sixteen gradients, in x and in y from those places on, summed over a pixel and its neighbours.
+
+    Six half vectors: of A, B and C, each of the even pixels 0, 2, 4 and so on, and of the odd ones. Pixels 0 and 1 are
+    in the sums of both; neighbour -1 is added to the even ones, 2 to the odd.
     """
-    x, y = LANES + i, LANES + gradients.shape[1] + i
     x_before, x_here, x_after = load(gradients, x - 1), load(gradients, x), load(gradients, x + 1)
     y_before, y_here, y_after = load(gradients, y - 1), load(gradients, y), load(gradients, y + 1)
-    x_one, y_one, x_two, y_two = only_odd(x_here), only_odd(y_here), only_odd(x_after), only_odd(y_after)
-    even_a = products_of_pairs(x_before, x_before) + products_of_pairs(x_one, x_here)
-    odd_a = products_of_pairs(x_here, x_here) + products_of_pairs(x_two, x_after)
-    even_b = products_of_pairs(x_before, y_before) + products_of_pairs(x_one, y_here)
-    odd_b = products_of_pairs(x_here, y_here) + products_of_pairs(x_two, y_after)
-    even_c = products_of_pairs(y_before, y_before) + products_of_pairs(y_one, y_here)
-    odd_c = products_of_pairs(y_here, y_here) + products_of_pairs(y_two, y_after)
-    store(sums, to, even_a)
-    store(sums, to + _HALF, odd_a)
-    store(sums, to + 2 * _HALF, even_b)
-    store(sums, to + 3 * _HALF, odd_b)
-    store(sums, to + 4 * _HALF, even_c)
-    store(sums, to + 5 * _HALF, odd_c)
-    return even_a, odd_a, even_b, odd_b, even_c, odd_c
+    x_one, y_one, x_two, y_two = only_even(x_before), only_even(y_before), only_odd(x_after), only_odd(y_after)
+    a, b, c = products_of_pairs(x_here, x_here), products_of_pairs(x_here, y_here), products_of_pairs(y_here, y_here)
+    return (products_of_pairs(x_one, x_before) + a, a + products_of_pairs(x_two, x_after),
+            products_of_pairs(x_one, y_before) + b, b + products_of_pairs(x_two, y_after),
+            products_of_pairs(y_one, y_before) + c, c + products_of_pairs(y_two, y_after))
+
+
+@kernel
+def added(a, b):
+    """Sums of six and six half vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+
+
+@kernel
+def response_of_sums(sums, harris_k, scale):
+    """H of sums instead of averages, of sixteen pixels; `harris_k` has the scale in it."""
+    return interleaved(_harris(sums[0], sums[2], sums[4], harris_k, scale),
+                       _harris(sums[1], sums[3], sums[5], harris_k, scale))
 
 
 @kernel
 def _harris(a, b, c, harris_k, scale):
-    """H of sums instead of averages; k has the scale in it."""
     a, b, c = to_float32(a), to_float32(b), to_float32(c)
     trace = a + c
     return (a * c - b * b) * scale - (trace * harris_k) * trace

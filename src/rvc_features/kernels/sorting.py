@@ -68,3 +68,19 @@ def order_of_keys(keys):
         keys, other_keys = other_keys, (keys if digit > 0 else np.empty(size, keys.dtype))
         order, other_order = other_order, order
     return order
+
+
+@kernel
+def replace_least(heap, value):
+    """Put a greater value in the place of the least one, which is in front."""
+    size = len(heap)
+    at = 0
+    while 2 * at + 1 < size:
+        child = 2 * at + 1
+        if child + 1 < size and heap[child + 1] < heap[child]:
+            child += 1
+        if heap[child] >= value:
+            break
+        heap[at] = heap[child]
+        at = child
+    heap[at] = value

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels.compiler import kernel
-from rvc_features.kernels.sorting import order_of_keys
+from rvc_features.kernels.sorting import order_of_keys, replace_least
 
 _LEAF = 8   # points to a leaf of the tree, at the most
 
@@ -61,7 +61,7 @@ def suppression_radii(points, stronger, count):
             radii[i] = _nearest(points[i, 0], points[i, 1], stronger[i], largest[0], leaf_of[i],
                                 order, sorted_points, starts, boxes, first, stack, distances)
         if radii[i] > largest[0]:
-            _replace_least(largest, radii[i])
+            replace_least(largest, radii[i])
     for leaf in range(leaves):
         bound, suppressing = _certainly_suppressed(largest[0], leaves + leaf, boxes, first)
         for at in range(starts[leaf], starts[leaf + 1]):
@@ -75,7 +75,7 @@ def suppression_radii(points, stronger, count):
                 radii[i] = _nearest(points[i, 0], points[i, 1], stronger[i], largest[0], leaf,
                                     order, sorted_points, starts, boxes, first, stack, distances)
             if count > 0 and radii[i] > largest[0]:
-                _replace_least(largest, radii[i])
+                replace_least(largest, radii[i])
     return radii
 
 
@@ -141,21 +141,6 @@ def _squared_distance(x, y, boxes, node):
     dx = max(boxes[node, 0] - x, x - boxes[node, 2], 0.0)
     dy = max(boxes[node, 1] - y, y - boxes[node, 3], 0.0)
     return dx * dx + dy * dy
-
-
-@kernel
-def _replace_least(heap, value):
-    size = len(heap)
-    at = 0
-    while 2 * at + 1 < size:
-        child = 2 * at + 1
-        if child + 1 < size and heap[child + 1] < heap[child]:
-            child += 1
-        if heap[child] >= value:
-            break
-        heap[at] = heap[child]
-        at = child
-    heap[at] = value
 
 
 @kernel

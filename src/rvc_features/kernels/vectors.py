@@ -61,7 +61,7 @@ def _loading(lanes: int) -> Any:
     return load
 
 
-load, load_half = _loading(LANES), _loading(LANES // 2)
+load, load_half, load_double = _loading(LANES), _loading(LANES // 2), _loading(2 * LANES)
 
 
 @intrinsic
@@ -96,7 +96,7 @@ def _splatting(lanes: int) -> Any:
     return splat
 
 
-splat, splat_half = _splatting(LANES), _splatting(LANES // 2)
+splat, splat_half, splat_double = _splatting(LANES), _splatting(LANES // 2), _splatting(2 * LANES)
 
 
 # ---- Types ----
@@ -218,41 +218,67 @@ def products_of_pairs(typing_context, a, b):
     return Vector(types.int32, LANES // 2)(a, b), emit
 
 
-@intrinsic
-def only_odd(typing_context, vector):
-    """A vector of integers with zeros in the lanes 0, 2, 4 and so on."""
-    def emit(context, builder, signature, arguments):
+def _masking(first: int) -> Any:
+    """An intrinsic: a vector of integers with zeros in every second lane, from the other one than `first` on."""
+    @intrinsic
+    def only(typing_context, vector):
+        def emit(context, builder, signature, arguments):
+            kind = arguments[0].type
+            kept = [kind.element(-1 if i % 2 == first else 0) for i in range(vector.lanes)]
+            return builder.and_(arguments[0], ir.Constant(kind, kept))
+        return vector(vector), emit
+    return only
+
+
+only_even, only_odd = _masking(0), _masking(1)   # zeros in lanes 1, 3, 5 and so on, or in 0, 2, 4 and so on
+
+
+def _compared(builder: Any, symbol: str, vector: Any, arguments: Any) -> Any:
+    if isinstance(vector.dtype, types.Float):
+        return builder.fcmp_ordered(symbol, *arguments)
+    return (builder.icmp_signed if vector.dtype.signed else builder.icmp_unsigned)(symbol, *arguments)
+
+
+def _called(builder: Any, name: str, *arguments: Any) -> Any:
+    """What LLVM's function of that name gives, which is of the type of its arguments."""
+    function = builder.module.globals.get(name)
+    if function is None:
         kind = arguments[0].type
-        return builder.and_(arguments[0], ir.Constant(kind, [kind.element(-(i % 2)) for i in range(vector.lanes)]))
-    return vector(vector), emit
+        function = ir.Function(builder.module, ir.FunctionType(kind, [kind] * len(arguments)), name)
+    return builder.call(function, arguments)
 
 
-@intrinsic
-def maximum(typing_context, a, b):
-    """The greater number in each place, of two vectors of floats; b where a is NaN."""
-    def emit(context, builder, signature, arguments):
-        return builder.select(builder.fcmp_ordered('>', *arguments), *arguments)
-    return a(a, b), emit
+def _of_two(combine: Callable[..., Any]) -> Any:
+    """An intrinsic of two vectors of one type, which gives a third."""
+    @intrinsic
+    def apply(typing_context, a, b):
+        return a(a, b), lambda context, builder, signature, arguments: combine(builder, a, *arguments)
+    return apply
 
 
-@intrinsic
-def quotient(typing_context, a, b):
-    """a / b, of two vectors of floats."""
-    def emit(context, builder, signature, arguments):
-        return builder.fdiv(*arguments)
-    return a(a, b), emit
+def _distance(builder: Any, vector: Any, a: Any, b: Any) -> Any:
+    name = f'llvm.usub.sat.v{vector.lanes}i{vector.dtype.bitwidth}'   # the difference, or zero
+    return builder.or_(_called(builder, name, a, b), _called(builder, name, b, a))
+
+
+def _mean_rounded_up(builder: Any, vector: Any, a: Any, b: Any) -> Any:
+    wide = ir.VectorType(ir.IntType(16), vector.lanes)
+    total, one = builder.add(builder.zext(a, wide), builder.zext(b, wide)), ir.Constant(wide, [1] * vector.lanes)
+    return builder.trunc(builder.lshr(builder.add(total, one), one), a.type)
+
+
+#: The greater number in each place; b where a is NaN.
+maximum = _of_two(lambda builder, vector, *both: builder.select(_compared(builder, '>', vector, both), *both))
+quotient = _of_two(lambda builder, vector, a, b: builder.fdiv(a, b))   # of floats
+distance = _of_two(_distance)   # |a - b|, of unsigned integers
+mean_rounded_up = _of_two(_mean_rounded_up)   # (a + b + 1) // 2, of uint8
 
 
 @intrinsic
 def square_root(typing_context, vector):
     """Of each number of a vector of floats."""
     def emit(context, builder, signature, arguments):
-        value_type = arguments[0].type
-        name = f'llvm.sqrt.v{LANES}f{vector.dtype.bitwidth}'
-        function = builder.module.globals.get(name)
-        if function is None:
-            function = ir.Function(builder.module, ir.FunctionType(value_type, [value_type]), name)
-        return builder.call(function, arguments)
+        return _called(builder, f'llvm.sqrt.v{LANES}f{vector.dtype.bitwidth}', *arguments)
     return vector(vector), emit
 
 
@@ -270,12 +296,12 @@ def sum_of(typing_context, vector):
 
 
 def _comparison(symbol: str) -> Any:
-    """An intrinsic that says in the bits of an integer, lowest first, where that holds between vectors of floats."""
+    """An intrinsic that says in the bits of an integer, lowest first, where that holds between two vectors."""
     @intrinsic
     def compare(typing_context, a, b):
         def emit(context, builder, signature, arguments):
-            lanes = builder.fcmp_ordered(symbol, *arguments)
-            return builder.zext(builder.bitcast(lanes, ir.IntType(LANES)), ir.IntType(64))
+            lanes = _compared(builder, symbol, a, arguments)
+            return builder.zext(builder.bitcast(lanes, ir.IntType(a.lanes)), ir.IntType(64))
         return types.int64(a, b), emit
     return compare
 

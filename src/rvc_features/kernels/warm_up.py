@@ -14,6 +14,7 @@ import numpy as np
 from rvc_features.kernels import (
     compiler,
     contrast,
+    corners,
     drawing,
     maxima,
     orientation,
@@ -37,6 +38,7 @@ def compile_all() -> float:
         image[10:, 10:] = 255
         response.response(image, 3, 'box', 0.04)
         response.response(image, 5, 'box', 0.0)
+        corners.corners(np.tile(image, (6, 1)), 0.04, 10.0, number=1)
         for window in ('box', 'gaussian'):
             for derivative_sigma in (1.0, 0.0):
                 values, _ = response.response(image, 5, window, 0.04, derivative_sigma)

@@ -1,0 +1,226 @@
+"""Corners of the response with the box of 3x3, of uint8 images, without a map; reference: response.py and maxima.py.
+
+Where only the strongest corners are wanted, most of an image need not have a response. With the steepest gradients in
+x and in y round a pixel, s and t, A and C are at most s^2 and t^2, and H <= (1 - 4 k) A C: where s t says that it can't
+exceed the weakest wanted corner, gradients and response are left out, sixteen pixels of four rows at a time. For s and
+t gradients are rounded to whole grey values, which are bytes, 32 to a vector.
+
+How strong the weakest wanted corner is, is guessed from a few stripes of the image; where the guess was too high the
+image is gone over again, with a bound that rises with what is found.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rvc_features.kernels.blocks import (
+    GRADIENTS,
+    ROWS,
+    START,
+    note_promising,
+    responses_of_blocks,
+    steepest_gradients,
+)
+from rvc_features.kernels.compiler import in_bands, installed, kernel, read_only
+from rvc_features.kernels.rows import reflect, row_length, zeros
+from rvc_features.kernels.sorting import replace_least
+
+if installed:
+    from rvc_features.kernels.vectors import (
+        LANES,
+        load,
+        lowest_bit,
+        maximum,
+        splat,
+        store,
+        where_greater,
+        where_not_less,
+    )
+
+_STRIPES = 5    # from which the bound is guessed
+_STRIPE = 10    # rows of one of them: with one row more on either side three batches
+
+_UINT8, _INT16, _FLOAT32 = np.empty(0, np.uint8), np.empty(0, np.int16), np.empty(0, np.float32)
+_NO_MASK = read_only(np.empty((0, 0), np.uint8))
+
+
+def corners(image: np.ndarray, harris_k: float, minimum: float, border: int = 0, mask: np.ndarray | None = None,
+            number: int | None = None, share: float = 0.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Local maxima of the response above `minimum`, all that can be among the strongest.
+
+    Those of `response.reference_response`; reference: `maxima.reference_local_maxima`.
+
+    Parameters
+    ----------
+    image : ndarray, uint8, shape (H, W)
+        At least three pixels high and `compiler.LEAST_WIDTH` wide.
+    harris_k : float
+    minimum : float
+        A corner's response must be greater.
+    border : int
+        Width in pixels of a rim without corners.
+    mask : ndarray, uint8, shape (H, W), optional
+        There are corners where it is not zero.
+    number : int, optional
+        Corners that are not among that many strongest may be left out.
+    share : float
+        Corners below this share of the strongest may be left out, where no number is given.
+
+    Returns
+    -------
+    x, y : ndarray, int64, shape (N,)
+        In reading order.
+    response : ndarray, float32, shape (N,)
+    """
+    image, mask = read_only(image), _NO_MASK if mask is None else read_only(mask)
+    height, width = image.shape
+    if number is not None:   # of four pixels only one is a maximum
+        number = min(number, ((height + 1) // 2) * ((width + 1) // 2))
+    k, of_least, least = np.float32(harris_k), np.float32(1 if number is not None else share), np.float32(minimum)
+
+    def above(bound: np.float32, strongest: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found = in_bands(lambda first, last: _corners(image, mask, k, border, bound, strongest, of_least,
+                                                      np.array([first]), last - first), height, width)
+        return found[0][:3] if len(found) == 1 else tuple(np.concatenate(parts) for parts in list(zip(*found))[:3])
+
+    bound, sample = least, _STRIPES * _STRIPE
+    among = 1 if number is None else 3 * number * sample // (2 * height) + 16
+    if 4 * sample < height and of_least > 0:
+        starts = (2 * np.arange(_STRIPES) + 1) * (height - _STRIPE) // (2 * _STRIPES)
+        bound = np.float32(_corners(image, mask, k, border, least, among, of_least, starts, _STRIPE)[3])
+        if number is not None:
+            # It is that of half as many more as there should be, for corners gather: most guesses are right then.
+            found = above(bound, 0)
+            if len(found[0]) >= number:
+                return found
+    return above(bound, 1) if number is None else above(least, number)
+
+
+@kernel
+def _corners(image, mask, harris_k, border, bound, among, share, starts, rows):
+    """Those in so many rows from each of `starts` on, which rise: x, y and response; and the bound at the end.
+
+    It is the response of number `among` of the strongest, times `share`, or the bound at the beginning.
+    """
+    strongest = np.full(among, -np.inf, np.float32)
+    buffers = _buffers(image.shape[1])
+    places, values = np.empty(0, np.int64), np.empty(0, np.float32)
+    for start in starts:
+        places, values = _scan(image, mask, harris_k, border, bound, strongest, share, start, start + rows, buffers)
+        if among > 0:
+            bound = max(bound, share * strongest[0])
+    x, y = np.empty(len(places), np.int64), np.empty(len(places), np.int64)
+    for i in range(len(places)):
+        y[i] = places[i] // image.shape[1]
+        x[i] = places[i] - y[i] * image.shape[1]
+    return x, y, values, bound
+
+
+@kernel
+def _buffers(width):
+    length = row_length(width, START)
+    responses = zeros(2 * ROWS * length, _FLOAT32)
+    responses[:] = -np.inf
+    # Eight rows of the image; steepest gradients in x and in y; gradients of a few blocks; responses of eight rows;
+    # blocks of a batch, and those of them with corners in both halves of the ring of responses.
+    return (zeros((ROWS + 4) * length, _UINT8), zeros(2 * length, _UINT8),
+            zeros((ROWS + 2) * 2 * GRADIENTS, _INT16), responses, np.empty((3, length // LANES), np.int64))
+
+
+@kernel
+def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, buffers):
+    """Corners above the bound; it rises with those found, to `share` of the least of the strongest, if any are noted.
+
+    Four rows of responses are a batch. Two batches are kept: with each, the maxima are known from the row before its
+    first to that before its last. Responses are -inf but in blocks where one exceeds the bound; buffers are left so.
+    """
+    height, width = image.shape
+    pixels, steepest, gradients, responses, blocks = buffers
+    length = row_length(width, START)
+    lines, rows = np.empty(ROWS + 4, np.int64), np.empty(ROWS + 2, np.int64)
+    candidates = np.zeros(2, np.int64)
+    places, values, count = np.empty(1024, np.int64), np.empty(1024, np.float32), 0
+    half = 0
+    begin = max(first - 1, 0)
+    for row in range(begin, last + 1, ROWS):
+        for i in range(ROWS + 4):   # rows of the image for six rows of gradients
+            lines[i] = (row + i) % (ROWS + 4) * length + START
+            if row == begin or i >= 4:
+                _copy_row(image, reflect(row - 2 + i, height), pixels, lines[i])
+        for i in range(ROWS + 2):   # of gradients; the border reflects
+            at = row - 1 + i
+            rows[i] = (2 if at < 0 else max(i - 2, 0) if at == height else i) * 2 * GRADIENTS
+        steepest_gradients(pixels, lines, width, steepest)
+        limit = np.sqrt(bound / (1 - 4 * harris_k + np.float32(1e-5))) / 16
+        count_of_blocks = note_promising(steepest, width, np.uint16(min(limit, np.float32(65535))), blocks[0])
+        _erase(responses, blocks[1 + half, :candidates[half]], half, length)
+        candidates[half] = responses_of_blocks(pixels, lines, blocks[0, :count_of_blocks], width, gradients, rows,
+                                                harris_k, bound, responses, half * ROWS * length, length,
+                                                blocks[1 + half])
+        for i in range(ROWS):   # nothing lies beyond the edges
+            start = (half * ROWS + i) * length + START
+            responses[start - 1] = responses[start + width] = -np.inf
+            if row + i >= height:
+                responses[start:start + width] = -np.inf
+
+        for y in range(max(row - 1, first, border), min(row + ROWS - 1, last, height - border)):
+            its_half = 1 - half if y < row else half
+            while len(places) < count + LANES * candidates[its_half]:
+                places, values = np.append(places, places), np.append(values, values)
+            before = count
+            count = _maxima_of_row(responses, (half * ROWS + y - row) % (2 * ROWS), length,
+                                   blocks[1 + its_half, :candidates[its_half]], bound, mask, border, width, y,
+                                   places, values, count)
+            if len(strongest) > 0:
+                for i in range(before, count):
+                    if values[i] > strongest[0]:
+                        replace_least(strongest, values[i])
+        if len(strongest) > 0:
+            bound = max(bound, share * strongest[0])
+        half = 1 - half
+    for half in range(2):
+        _erase(responses, blocks[1 + half, :candidates[half]], half, length)
+    return places[:count].copy(), values[:count].copy()
+
+
+@kernel
+def _copy_row(image, y, pixels, start):
+    width = image.shape[1]
+    for x in range(0, width, LANES):
+        x = min(x, width - LANES)
+        store(pixels, start + x, load(image, y * width + x))
+    pixels[start - 1], pixels[start + width] = pixels[start + 1], pixels[start + width - 2]
+
+
+@kernel
+def _erase(responses, blocks, half, length):
+    lowest = splat(np.float32(-np.inf))
+    for block in blocks:
+        for row in range(half * ROWS, (half + 1) * ROWS):
+            store(responses, row * length + START + LANES * block, lowest)
+
+
+@kernel
+def _maxima_of_row(responses, row, length, blocks, bound, mask, border, width, y, places, values, count):
+    """Note the local maxima in the blocks of one row of the ring; returns how many there are then."""
+    rows, least = 2 * ROWS, splat(bound)
+    for block in blocks:
+        start = START + LANES * block
+        at, above, below = row * length + start, (row - 1) % rows * length + start, (row + 1) % rows * length + start
+        value = load(responses, at)
+        bits = where_greater(value, least)
+        if bits == 0:
+            continue
+        before = maximum(maximum(load(responses, at - 1), load(responses, above - 1)),
+                         maximum(load(responses, above), load(responses, above + 1)))
+        after = maximum(maximum(load(responses, at + 1), load(responses, below - 1)),
+                        maximum(load(responses, below), load(responses, below + 1)))
+        bits &= where_greater(value, before) & where_not_less(value, after)
+        while bits != 0:
+            bit = lowest_bit(bits)
+            bits &= bits - 1
+            x = LANES * block + bit
+            if border <= x < width - border and (mask.size == 0 or mask[y, x] != 0):
+                places[count], values[count] = y * width + x, responses[at + bit]
+                count += 1
+    return count
