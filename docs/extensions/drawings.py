@@ -2,38 +2,39 @@
 
 from __future__ import annotations
 
-import textwrap
 from typing import Callable, Sequence
 
 import cv2
 import numpy as np
 
+from rvc_features import presets
 from rvc_features.comparison import contestants, warps
+from rvc_features.comparison.datasets import Pair
+from rvc_features.comparison.pictures import Picture, mosaic, of_pair, with_legend
 from rvc_features.drawing import displayable_response, draw_key_points
 from rvc_features.exercise import findings, mistakes, pictures
 from rvc_features.exercise.questions import Probe, questions
 from rvc_features.exercise.reference import Reference
+from rvc_features.exercise.scenes import directions
 from rvc_features.recordings.image_sources import read_image
 from rvc_features.response import BORDER, window_average
 
-_PANEL = 400            # pixels: width of one picture out of several side by side
+_WIDTH = 400            # pixels: of one picture out of several
 _IN_A_ROW = 2
-_CAPTION = 26           # pixels
-_INK, _PAPER = (235, 235, 235), (40, 40, 40)
 
 
-def photograph() -> np.ndarray:
-    """A chessboard held before a camera, uint8 (240, 320); a drawn picture where opencv-doc is not installed."""
+def photograph(scale: float = 0.5) -> np.ndarray:
+    """A chessboard held before a camera, uint8 (480, 640) times scale; without opencv-doc a drawn picture."""
     path = warps.opencv_example('left01.jpg')
     image = read_image(path, grey=True) if path else warps.generated_photograph()
-    return cv2.resize(image, (320, 240), interpolation=cv2.INTER_AREA)
+    return cv2.resize(image, (round(640 * scale), round(480 * scale)), interpolation=cv2.INTER_AREA)
 
 
 def gradients() -> np.ndarray:
     """I_x and I_y."""
     i_x, i_y = _gradients()
-    return _side_by_side([(_signed(i_x), 'I_x: dark to light from left to right is light'),
-                          (_signed(i_y), 'I_y: the same from top to bottom')])
+    return _mosaic([('I_x', 'white: from dark to light, seen from left to right', _signed(i_x)),
+                    ('I_y', 'the same from top to bottom', _signed(i_y))])
 
 
 def products() -> np.ndarray:
@@ -41,9 +42,9 @@ def products() -> np.ndarray:
     i_x, i_y = _gradients()
     panels = []
     for name, product in (('A: I_x I_x', i_x * i_x), ('B: I_x I_y', i_x * i_y), ('C: I_y I_y', i_y * i_y)):
-        panels += [(_signed(product), f'{name}, pixel by pixel'),
-                   (_signed(window_average(product, 7, 'box')), f'{name}, averaged over 7x7')]
-    return _side_by_side(panels)
+        panels += [(name, 'pixel by pixel', _signed(product)),
+                   (name, 'averaged over 7x7', _signed(window_average(product, 7, 'box')))]
+    return _mosaic(panels)
 
 
 def response() -> np.ndarray:
@@ -52,8 +53,29 @@ def response() -> np.ndarray:
     detector = contestants.parse('course:window_size=5', 0).detector
     strength = detector.response_map(image)
     assert strength is not None
-    return _side_by_side([(image, 'the image'),
-                          (displayable_response(strength), 'H: corners white, edges black, flat grey')])
+    return _mosaic([('the image', '', image),
+                    ('H', 'corners white, edges black, flat grey', displayable_response(strength))])
+
+
+def orientation() -> np.ndarray:
+    """The direction of the gradient at each corner in an image with noise, with a small kernel and a large one."""
+    scene = directions().image
+    noise = np.random.default_rng(1).normal(20, 12, scene.shape)
+    image = np.clip(scene * 0.6 + noise, 0, 255).astype(np.uint8)
+    panels = []
+    for sigma in (0.5, 2.5):
+        points = presets.create('course', 8, orientation_sigma=sigma).detect_arrays(image)
+        panels.append((f'orientation_sigma {sigma}', '', _enlarged(image, points, 24)))
+    return _mosaic(panels)
+
+
+def comparison() -> np.ndarray:
+    """Which of the 100 strongest points of each detector are found again when the photograph is turned."""
+    image = photograph(1.0)
+    turned, homography = warps.warped(image, 'rotation', 30)
+    pair = Pair('rotation', '30 degrees', 30, warps.reference(image), turned, homography)
+    detectors = [contestants.parse(name, 100) for name in ('course', 'repeatable', 'good_features_to_track', 'orb')]
+    return with_legend(mosaic(of_pair(pair, detectors, 100, 1.5, _WIDTH), _IN_A_ROW), pair, 1.5)
 
 
 def sliders(texts: Sequence[str]) -> np.ndarray:
@@ -61,8 +83,8 @@ def sliders(texts: Sequence[str]) -> np.ndarray:
     image, panels = photograph(), []
     for text in texts:
         points = contestants.parse(text, 0).detect(image)
-        panels.append((draw_key_points(image, points), f'{text.replace(",", ", ")}: {len(points)} points'))
-    return _side_by_side(panels)
+        panels.append((text, f'{len(points)} points', draw_key_points(image, points)))
+    return _mosaic(panels)
 
 
 def mistake(name: str) -> tuple[np.ndarray, str]:
@@ -83,7 +105,8 @@ def mistake(name: str) -> tuple[np.ndarray, str]:
     raise ValueError(f'{name!r} shows in none of the images')
 
 
-FIXED: dict[str, Callable[[], np.ndarray]] = {each.__name__: each for each in (gradients, products, response)}
+FIXED: dict[str, Callable[[], np.ndarray]] = {
+    each.__name__: each for each in (gradients, products, response, orientation, comparison)}
 
 
 def _gradients() -> tuple[np.ndarray, np.ndarray]:
@@ -99,32 +122,25 @@ def _signed(values: np.ndarray) -> np.ndarray:
 
 
 def _as_drawn(probe: Probe, found: np.ndarray, right: np.ndarray) -> np.ndarray:
-    """What was found beside what was expected, drawn with angle, size and octave, enlarged."""
-    panels = []
-    for points, text in ((found, 'found'), (right, 'expected')):
-        large = cv2.resize(probe.scene.image // 2, None, fx=4, fy=4, interpolation=cv2.INTER_NEAREST)
-        points = points.copy()
-        points['x'], points['y'] = points['x'] * 4 + 1.5, points['y'] * 4 + 1.5
-        points['size'] *= 4 if len(np.unique(points['octave'])) > 1 or len(np.unique(points['size'])) > 1 else 24
-        panels.append((draw_key_points(large, points), text))
-    return _side_by_side(panels)
+    """What was found beside what was expected, drawn with angle, size and octave."""
+    as_large = 4 if len(np.unique(found['size'])) > 1 or len(np.unique(right['octave'])) > 1 else 24
+    return _mosaic([('found', '', _enlarged(probe.scene.image, found, as_large)),
+                    ('expected', '', _enlarged(probe.scene.image, right, as_large))])
 
 
-def _side_by_side(panels: Sequence[tuple[np.ndarray, str]]) -> np.ndarray:
-    """Pictures under their captions, in rows."""
+def _enlarged(image: np.ndarray, points: np.ndarray, as_large: int) -> np.ndarray:
+    """Key points on the darkened image, four times as large; their circles so many times."""
+    points = points.copy()
+    points['x'], points['y'] = points['x'] * 4 + 1.5, points['y'] * 4 + 1.5
+    points['size'] *= as_large
+    return draw_key_points(cv2.resize(image // 2, None, fx=4, fy=4, interpolation=cv2.INTER_NEAREST), points)
+
+
+def _mosaic(panels: Sequence[tuple[str, str, np.ndarray]]) -> np.ndarray:
+    """Pictures of any size, grey or BGR, under a label and a caption."""
     tiles = []
-    for picture, text in panels:
-        height = round(picture.shape[0] * _PANEL / picture.shape[1])
-        large = cv2.resize(picture, (_PANEL, height), interpolation=cv2.INTER_AREA if picture.shape[1] > _PANEL
-                           else cv2.INTER_CUBIC)
-        lines = textwrap.wrap(text, _PANEL // 8)
-        head = np.full((_CAPTION * len(lines), _PANEL, 3), _PAPER, np.uint8)
-        for number, line in enumerate(lines):
-            cv2.putText(head, line, (6, _CAPTION * number + 18), cv2.FONT_HERSHEY_SIMPLEX, 0.45, _INK, 1, cv2.LINE_AA)
-        tiles.append(np.vstack((head, cv2.cvtColor(large, cv2.COLOR_GRAY2BGR) if large.ndim == 2 else large)))
-    tallest = max(tile.shape[0] for tile in tiles)
-    tiles = [cv2.copyMakeBorder(tile, 0, tallest - tile.shape[0], 0, 4, cv2.BORDER_CONSTANT, value=_PAPER)
-             for tile in tiles]
-    blank = np.full_like(tiles[0], 40)
-    tiles += [blank] * (-len(tiles) % _IN_A_ROW)
-    return np.vstack([np.hstack(tiles[start:start + _IN_A_ROW]) for start in range(0, len(tiles), _IN_A_ROW)])
+    for label, caption, image in panels:
+        size = _WIDTH, round(image.shape[0] * _WIDTH / image.shape[1])
+        scaled = cv2.resize(image, size, interpolation=cv2.INTER_AREA if image.shape[1] > _WIDTH else cv2.INTER_CUBIC)
+        tiles.append(Picture(label, caption, cv2.cvtColor(scaled, cv2.COLOR_GRAY2BGR) if scaled.ndim == 2 else scaled))
+    return mosaic(tiles, _IN_A_ROW)
