@@ -45,3 +45,19 @@ def test_readme_lists_every_package_that_a_catkin_workspace_needs():
     listed = re.search(r'sudo apt-get install (.*?)\n\n', (ROOT / 'README.md').read_text(), re.DOTALL)[1].split()
     assert set(entry) - {'python3-venv', 'opencv-doc'} <= set(listed)
     assert set(listed) - set(entry) - {'\\'} == {'python3-opencv', 'python3-numba', 'python3-tqdm', 'python3-yaml'}
+
+
+def test_links_in_installed_documents_lead_to_what_is_installed():
+    cmake = (ROOT / 'CMakeLists.txt').read_text()
+    folders = re.search(r'foreach\(folder (.*?)\)', cmake)[1].split()
+    files = re.search(r'install\(FILES (.*?) DESTINATION', cmake)[1].split()
+    assert {'docs', 'README.md'} <= {*folders, *files}
+    missing = []
+    for path in [*(ROOT / 'docs').rglob('*.md'), *(ROOT / name for name in files if name.endswith('.md'))]:
+        for link in re.findall(r'\]\(([^)#\s]+)', path.read_text()):
+            if '://' in link:
+                continue
+            target = (path.parent / link).resolve().relative_to(ROOT)
+            if not (ROOT / target).exists() or not {str(target), target.parts[0]} & {*folders, *files}:
+                missing.append((path.name, link))
+    assert missing == []
