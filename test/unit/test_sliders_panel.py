@@ -14,7 +14,9 @@ DETECTORS = repr({'enum_description': 'Detectors', 'enum': [
     {'name': name, 'type': 'str', 'value': value, 'description': f'the detector {value}'}
     for name, value in (('harris', 'harris'), ('ORB', 'orb'))]})
 
-SCORES = DETECTORS.replace("'orb'", "'fast'")   # another list that has a detector's name in it
+# Another list that has a detector's name in it.
+SCORES = DETECTORS.replace("'orb'", "'fast'").replace("'ORB'", "'score_fast'").replace(
+    "'name': 'harris'", "'name': 'score_harris'")
 
 
 def description(name, kind, default, low='', high='', text='What it is.', edit_method=''):
@@ -25,7 +27,7 @@ def description(name, kind, default, low='', high='', text='What it is.', edit_m
 DESCRIPTIONS = [
     description('detector', 'str', 'harris', edit_method=DETECTORS),
     description('window_size', 'int', 5, 3, 31, 'Harris: side of the window.'),
-    description('threshold', 'double', 0.01, 0.0, 0.2, 'Harris: least share.'),
+    description('threshold', 'double', 0.01, 0.0, 0.2, 'Harris with two_scales: least share.'),
     description('anms', 'bool', False, False, True, 'HARRIS: evenly.'),
     description('orb_levels', 'int', 8, 1, 16, 'Levels of the pyramid.'),
     description('orb_score', 'str', 'fast', edit_method=SCORES),
@@ -126,6 +128,7 @@ def test_each_kind_has_its_widget_and_shows_its_default(window):
         'detector': 'harris', 'window_size': 5, 'threshold': 0.01, 'anms': False, 'orb_levels': 8,
         'orb_score': 'fast', 'gain': 1.0, 'label': 'left'}
     assert rows['detector'].labels == ['harris', 'ORB (orb)']
+    assert rows['orb_score'].labels == ['harris', 'fast']   # of score_harris and score_fast
     assert [rows[name].scale.winfo_ismapped() for name in ('threshold', 'gain')] == [1, 0]
     assert (rows['threshold'].field.get(), rows['threshold'].scale.get()) == ('0.01', 10)
     assert window.changes == []

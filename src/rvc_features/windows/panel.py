@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import tkinter
 from tkinter import ttk
 from typing import Any, Callable
@@ -17,8 +18,8 @@ class Panel(ttk.Frame):
     """All parameters of a node, one below the other, with a field above that finds some by name.
 
     Rows of a choice that is not taken are left out: where a parameter is a list, those whose names begin with another
-    entry of it, or whose descriptions do (`orb_levels`, or "Orb: levels of the pyramid"), are of no use just then. Only
-    one list chooses that way: the one with the most entries that names of parameters begin with.
+    entry of it, or whose descriptions do (`orb_levels`, "Orb: levels of the pyramid", or "Orb with pyramids: ..."), are
+    of no use just then. Only one list chooses that way: the one with the most entries that names of parameters begin with.
 
     Parameters
     ----------
@@ -43,7 +44,8 @@ class Panel(ttk.Frame):
         ttk.Entry(top, textvariable=self.wanted).pack(side='left', fill='x', expand=True)
         top.pack(fill='x', padx=4, pady=4)
 
-        self._canvas = tkinter.Canvas(self, highlightthickness=0, width=680, height=480)
+        self._canvas = tkinter.Canvas(self, highlightthickness=0, width=680, height=480,
+                                      background=ttk.Style(self).lookup('TFrame', 'background'))
         bar = ttk.Scrollbar(self, command=self._canvas.yview)
         self._canvas.configure(yscrollcommand=bar.set)
         bar.pack(side='right', fill='y')
@@ -81,8 +83,8 @@ class Panel(ttk.Frame):
         idle = [choice for choice in self._choosing.choices() if choice != str(self._choosing.value).lower()] \
             if self._choosing else []
         for name, row in self.rows.items():
-            useless = any(name.lower().startswith(f'{choice}_') or row.text.lower().startswith(f'{choice}:')
-                          for choice in idle)
+            useless = any(name.lower().startswith(f'{choice}_')
+                          or re.match(rf'{re.escape(choice)}\b[^:.]*:', row.text, re.IGNORECASE) for choice in idle)
             row.set_visible(not useless and self.wanted.get().strip().lower() in name.lower())
 
 
@@ -141,12 +143,12 @@ class _Flag(Row):
 
 
 class _List(Row):
-    """An enum. An entry whose name says more than its value shows both."""
+    """An enum. An entry whose name says more than its value shows both; `score_harris` for harris says no more."""
 
     def make(self, parent: ttk.Frame, line: int, description: dict[str, Any]) -> None:
         self._entries = ast.literal_eval(description['edit_method'])['enum']
-        self.labels = [entry['name'] if str(entry['value']) == entry['name'] else f'{entry["name"]} ({entry["value"]})'
-                       for entry in self._entries]
+        self.labels = [str(entry['value']) if f'_{entry["name"]}'.endswith(f'_{entry["value"]}')
+                       else f'{entry["name"]} ({entry["value"]})' for entry in self._entries]
         self.box = ttk.Combobox(parent, values=self.labels, state='readonly')
         self.box.bind('<<ComboboxSelected>>', self._chosen)
         self._add(self.box, line, 1, sticky='we')

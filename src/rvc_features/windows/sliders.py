@@ -11,6 +11,7 @@ Tk (Debian: python3-tk) and a screen. It stays when the node ends, and goes on w
 from __future__ import annotations
 
 import argparse
+import functools
 import queue
 import sys
 import threading
@@ -40,11 +41,11 @@ class Connection:
     ----------
     node : str
     tell : callable
-        Called, from any thread, with ('descriptions', list), ('values', dict) or ('problem', str).
+        Called, from any thread, with this connection and ('descriptions', list), ('values', dict) or ('problem', str).
     """
 
-    def __init__(self, node: str, tell: Callable[[str, Any], None]) -> None:
-        self.node, self._tell = node, tell
+    def __init__(self, node: str, tell: Callable[[Connection, str, Any], None]) -> None:
+        self.node, self._tell = node, functools.partial(tell, self)
         self._changes: dict[str, Any] = {}
         self._wake = threading.Condition()
         self._open = True
@@ -90,6 +91,8 @@ class SlidersWindow:
 
     def __init__(self, root: tkinter.Tk, node: str = '') -> None:
         self.root = root
+        ttk.Style(root).theme_use('clam')   # on X11 the default is Motif's of 1990
+        root.configure(background=ttk.Style(root).lookup('TFrame', 'background'))
         self.panel: Panel | None = None
         self.connection: Connection | None = None
         self.values: dict[str, Any] = {}
@@ -100,7 +103,7 @@ class SlidersWindow:
         self._news: queue.Queue = queue.Queue()
         self.status = tkinter.StringVar(root)
         self._make_bar()
-        ttk.Label(root, textvariable=self.status, anchor='w', relief='sunken').pack(side='bottom', fill='x')
+        ttk.Label(root, textvariable=self.status, anchor='w', padding=4).pack(side='bottom', fill='x')
         root.protocol('WM_DELETE_WINDOW', self.close)
         self.refresh()
         if node or self.nodes['values']:
@@ -124,8 +127,7 @@ class SlidersWindow:
         self.nodes.set(node)
         self.root.title(f'{node}: parameters')
         self.status.set(f'waiting for {node}')
-        connection: Connection
-        connection = self.connection = Connection(node, lambda kind, what: self._news.put((connection, kind, what)))
+        self.connection = Connection(node, lambda *news: self._news.put(news))
 
     def reset(self) -> None:
         """Send the defaults of all parameters."""
