@@ -197,3 +197,23 @@ def test_it_is_seen(window, screen):
     inside_columns = range(left, left + scale.winfo_width())
     assert set(rows.tolist()) <= set(inside_rows)
     assert set(columns.tolist()) <= set(inside_columns)
+
+
+def test_a_node_that_answers_before_the_window_is_ready_is_heard(screen, monkeypatch):
+    tkinter = pytest.importorskip('tkinter')
+    pytest.importorskip('rospy', reason='ROS is not installed')
+    from rvc_features.windows import sliders
+
+    class AtOnce:
+        def __init__(self, node, tell):
+            tell(self, 'problem', f'{node} answers at once')
+
+        def close(self):
+            pass
+
+    monkeypatch.setattr(sliders, 'Connection', AtOnce)
+    monkeypatch.setattr(sliders, 'find_reconfigure_services', lambda: ['/node'])
+    root = tkinter.Tk(screenName=screen.display)
+    window = sliders.SlidersWindow(root, '/node')
+    assert window.status.get() == '/node answers at once'
+    window.close()
