@@ -18,8 +18,8 @@ class Panel(ttk.Frame):
     """All parameters of a node, one below the other, with a field above that finds some by name.
 
     Rows of a choice that is not taken are left out: where a parameter is a list, those whose names begin with another
-    entry of it, or whose descriptions do (`orb_levels`, "Orb: levels of the pyramid", or "Orb with pyramids: ..."), are
-    of no use just then. Only one list chooses that way: the one with the most entries that names of parameters begin with.
+    entry of it, or whose descriptions do (`orb_levels`, "Orb: levels of the pyramid", "Orb with pyramids: ..."), are of
+    no use just then. Only one list chooses that way: the one with the most entries that names of parameters begin with.
 
     Parameters
     ----------

@@ -41,7 +41,8 @@ class Connection:
     ----------
     node : str
     tell : callable
-        Called, from any thread, with this connection and ('descriptions', list), ('values', dict) or ('problem', str).
+        Called, from any thread, with this connection and ('descriptions', list), ('values', dict) or
+        ('problem', str).
     """
 
     def __init__(self, node: str, tell: Callable[[Connection, str, Any], None]) -> None:
