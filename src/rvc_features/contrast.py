@@ -68,7 +68,6 @@ def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     side = SIGMAS[0] // 2
     vectors = compiler.available() and image.shape[1] >= compiler.LEAST_WIDTH
     sums = (compiled.energy_of_cells if vectors else reference_energy_of_cells)(image, side)
-    between = compiled.bilinear if compiler.available() else reference_bilinear
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     energy = np.ones(len(x))
     for sigma in SIGMAS:
@@ -77,6 +76,11 @@ def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         average = cv2.GaussianBlur(means, (0, 0), 2, borderType=BORDER)
         energy *= between(average, (x + 0.5) / (factor * side) - 0.5, (y + 0.5) / (factor * side) - 0.5)
     return np.sqrt(energy)
+
+
+def between(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """`values` between the pixels, bilinearly, float64; beyond the rim the nearest pixel counts."""
+    return (compiled.bilinear if compiler.available() else reference_bilinear)(values, x, y)
 
 
 def _means_of_cells(sums: np.ndarray, factor: int, side: int, shape: tuple[int, ...]) -> np.ndarray:
@@ -114,7 +118,7 @@ def reference_noise_of_runs(image: np.ndarray, run: int) -> np.ndarray:
 
 
 def reference_bilinear(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """`values` between the pixels, float64; beyond the rim the nearest pixel counts."""
+    """`between` for all positions at once."""
     height, width = values.shape
     x, y = np.clip(x, 0, width - 1), np.clip(y, 0, height - 1)
     left, top = x.astype(np.int64), y.astype(np.int64)

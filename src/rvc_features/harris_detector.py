@@ -12,7 +12,7 @@ from rvc_features import contrast, filters, key_points, maxima, response, two_sc
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.octaves import Octave, compete, joined, merged, pyramid
-from rvc_features.orientation import direction, smoothed_gradient
+from rvc_features.orientation import direction_on_the_surface, gradient_orientation
 from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
 from rvc_features.search import ResponseMaps, Search
 
@@ -87,9 +87,9 @@ class HarrisDetector(FeatureDetector):
         'Refine the position of local maxima between the pixels.'))
     border: int = parameter(4, Integer(
         'Width in pixels of a rim of each octave in which no point is taken.', 0))
-    orientation_sigma: float = parameter(1.75, Real(
+    orientation_sigma: float = parameter(1.6, Real(
         'Size of the larger kernel for the orientation: standard deviation in pixels of the octave; with two_scales, '
-        'also one of twice that size.', 0.1, 50))
+        'also kernels of two, four and eight times that size.', 0.1, 50))
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Corners of every octave, one filter over all of them together, then the direction of those left."""
@@ -190,12 +190,8 @@ class HarrisDetector(FeatureDetector):
         for octave, (image, _) in enumerate(octaves):
             here = slice(None) if len(octaves) == 1 else np.flatnonzero(points['octave'] == octave)
             x, y = (points[name][here].astype(np.float64) / (1 << octave) for name in 'xy')
-            gradient = smoothed_gradient(image, x, y, self.orientation_sigma)
-            if self.strength == 'two_scales':
-                # sigma times the gradient, of both; what comes back has the factor 2 pi sigma^4.
-                wider = smoothed_gradient(image, x, y, 2 * self.orientation_sigma)
-                gradient = gradient[0] + wider[0] / 8, gradient[1] + wider[1] / 8
-            points['angle'][here] = direction(*gradient)
+            orientation = direction_on_the_surface if self.strength == 'two_scales' else gradient_orientation
+            points['angle'][here] = orientation(image, x, y, self.orientation_sigma)
 
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """Strength of every pixel of the full image."""

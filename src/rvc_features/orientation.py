@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+import functools
+
+import cv2
 import numpy as np
 
+from rvc_features import contrast
 from rvc_features.kernels import compiler
 from rvc_features.kernels import orientation as compiled
+from rvc_features.response import BORDER
 
 
 def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> np.ndarray:
@@ -33,9 +38,52 @@ def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma:
 
 
 def smoothed_gradient(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient of the smoothed image at each point, float64, in x and in y; arguments as above."""
-    gradient = compiled.smoothed_gradients if compiler.available() else reference_gradients
-    return gradient(image, x, y, sigma)
+    """Gradient of the smoothed image at each point, float64, in x and in y; arguments as above.
+
+    It is 2 pi sigma^4 times the gradient. Positions count to a 128th of a pixel.
+    """
+    if compiler.available():
+        return compiled.smoothed_gradients(image, x, y, *gaussian_and_slope(sigma))
+    return reference_gradients(image, x, y, sigma)
+
+
+def direction_on_the_surface(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> np.ndarray:
+    """Direction at each point that stays on the surface seen, however it turns, tilts or comes nearer.
+
+    The gradients at four scales, sigma and two, four and eight times that, each times its scale, are added, so that
+    one is there where the others are weak. When a surface is tilted, what is drawn on it is compressed: gradients grow
+    in that direction, and turn towards it, where an arrow on the surface turns away from it. How the texture
+    round the point is compressed is told by its structure tensor [A B; B C], the gradient's products averaged; its
+    inverse times the gradient turns as the arrow does.
+
+    Parameters
+    ----------
+    image, x, y, sigma
+        As for `gradient_orientation`.
+
+    Returns
+    -------
+    ndarray, float32, shape (N,)
+        In degrees, in [0, 360), as `gradient_orientation`.
+
+    References
+    ----------
+    T. Lindeberg and J. Garding, "Shape-adapted smoothing in estimation of 3-D shape cues from affine deformations of
+    local 2-D brightness structure", Image and Vision Computing 15(6), 1997: how the tensor transforms.
+    """
+    gradient_x, gradient_y = smoothed_gradient(image, x, y, sigma)
+    level = image
+    for octave in range(1, _SCALES):
+        level = cv2.pyrDown(level)
+        if octave == 1:
+            half = level
+        # 2 pi sigma^4 times the gradient at an octave is so many times sigma times the full image's.
+        there = smoothed_gradient(level, x / (1 << octave), y / (1 << octave), sigma)
+        gradient_x, gradient_y = gradient_x + there[0], gradient_y + there[1]
+    a, b, c = _products_round(half, x / 2, y / 2)
+    # Where all gradients point the same way, or there are none, the tensor alone has no inverse.
+    rest = _LEAST_SPREAD / 2 * (a + c) + _LEAST_PRODUCT
+    return direction((c + rest) * gradient_x - b * gradient_y, (a + rest) * gradient_y - b * gradient_x)
 
 
 def direction(gradient_x: np.ndarray, gradient_y: np.ndarray) -> np.ndarray:
@@ -47,25 +95,69 @@ def direction(gradient_x: np.ndarray, gradient_y: np.ndarray) -> np.ndarray:
 
 def reference_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray,
                         sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient of the image under a Gaussian, up to a common factor, at each point."""
-    radius = int(np.ceil(3 * sigma))
-    columns, weights_x, slopes_x = _kernel(x, image.shape[1], radius, sigma)
-    rows, weights_y, slopes_y = _kernel(y, image.shape[0], radius, sigma)
+    """`smoothed_gradient` for all points at once."""
+    side, weights, slopes = gaussian_and_slope(sigma)
+    weights, slopes = weights[:, :side].astype(np.float64), slopes[:, :side].astype(np.float64)
+    columns, step_x = _pixels_round(x, side, image.shape[1])
+    rows, step_y = _pixels_round(y, side, image.shape[0])
     patches = image[rows[:, :, None], columns[:, None, :]].astype(np.float64)
-    patches -= patches[:, radius:radius + 1, radius:radius + 1]   # so that a flat patch has no gradient, exactly
-    gradient_x = np.einsum('nyx,ny,nx->n', patches, weights_y, slopes_x)
-    gradient_y = np.einsum('nyx,ny,nx->n', patches, slopes_y, weights_x)
+    patches -= patches[:, side // 2, side // 2][:, None, None]   # so that a flat patch has no gradient, exactly
+    gradient_x = np.einsum('nyx,ny,nx->n', patches, weights[step_y], slopes[step_x])
+    gradient_y = np.einsum('nyx,ny,nx->n', patches, slopes[step_y], weights[step_x])
     return gradient_x, gradient_y
 
 
-def _kernel(position: np.ndarray, length: int, radius: int, sigma: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Indices of the pixels round each position, their Gaussian weights, and those of the Gaussian's derivative."""
-    index = np.rint(position).astype(np.intp)[:, None] + np.arange(-radius, radius + 1)
-    distance = index - np.asarray(position, np.float64)[:, None]
+def _pixels_round(position: np.ndarray, side: int, length: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices of the `side` pixels round each position, and which of the steps between two pixels it is at."""
+    middle = np.floor(np.asarray(position, np.float64) + 0.5)
+    step = ((position - middle + 0.5) * _STEPS + 0.5).astype(np.intp)
+    return _reflected(middle.astype(np.intp)[:, None] + np.arange(side) - side // 2, length), step
+
+
+@functools.lru_cache(maxsize=64)
+def gaussian_and_slope(sigma: float) -> tuple[int, np.ndarray, np.ndarray]:
+    """Weights of a Gaussian on the pixels round a position, and its derivative, which has no response to flat areas.
+
+    Returns
+    -------
+    side : int
+        How many pixels they are, an odd number.
+    weights, slopes : ndarray, float32, shape (_STEPS + 1, at least side)
+        A row for each step from half a pixel left of the middle pixel to half a pixel right of it; from `side` on
+        zeros, to a multiple of 16.
+    """
+    radius = int(np.ceil(3 * sigma))
+    side = 2 * radius + 1
+    distance = np.arange(-radius, radius + 1) - (np.arange(_STEPS + 1) / _STEPS - 0.5)[:, None]
     weights = np.exp(-distance ** 2 / (2 * sigma ** 2))
     slopes = distance * weights
-    slopes -= weights * (slopes.sum(axis=1) / weights.sum(axis=1))[:, None]   # flat areas have no gradient
-    return _reflected(index, length), weights, slopes
+    slopes -= weights * (slopes.sum(axis=1) / weights.sum(axis=1))[:, None]
+    beyond = (0, 0), (0, -side % 16)
+    return side, np.pad(weights, beyond).astype(np.float32), np.pad(slopes, beyond).astype(np.float32)
+
+
+def _products_round(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> list[np.ndarray]:
+    """I_x^2, I_x I_y and I_y^2, averaged round each point by a Gaussian of _SPREAD cells."""
+    vectors = compiler.available() and image.dtype == np.uint8 and min(image.shape) >= compiler.LEAST_WIDTH
+    cells = (compiled.products_of_cells if vectors else reference_products_of_cells)(image, _CELL)
+    average = cv2.GaussianBlur(cells, (0, 0), _SPREAD, borderType=BORDER)
+    x, y = (x + 0.5) / _CELL - 0.5, (y + 0.5) / _CELL - 0.5
+    return [contrast.between(np.ascontiguousarray(average[..., k]), x, y) for k in range(3)]
+
+
+def reference_products_of_cells(image: np.ndarray, side: int) -> np.ndarray:
+    """Means, float32, of I_x^2, I_x I_y and I_y^2, by Sobel's masks, over squares of `side` pixels, shape (., ., 3).
+
+    What is left at the right and below does not count, unless there is no square at all.
+    """
+    image = image.astype(np.float64)
+    gradient_x = cv2.Sobel(image, -1, 1, 0, ksize=3, borderType=BORDER)
+    gradient_y = cv2.Sobel(image, -1, 0, 1, ksize=3, borderType=BORDER)
+    products = np.dstack((gradient_x * gradient_x, gradient_x * gradient_y, gradient_y * gradient_y))
+    height, width = (min(side, length) for length in image.shape)
+    rows, columns = image.shape[0] // height, image.shape[1] // width
+    squares = products[:rows * height, :columns * width].reshape(rows, height, columns, width, 3)
+    return squares.mean(axis=(1, 3)).astype(np.float32)
 
 
 def _reflected(index: np.ndarray, length: int) -> np.ndarray:
@@ -74,3 +166,11 @@ def _reflected(index: np.ndarray, length: int) -> np.ndarray:
         return np.zeros_like(index)
     index = np.abs(index) % (2 * length - 2)
     return np.minimum(index, 2 * length - 2 - index)
+
+
+_STEPS = 64              # from one pixel to the next: the Gaussians are kept for so many positions
+_SCALES = 4              # each twice the one before
+_CELL = 8                # pixels of the image at half its size: squares over which the products are averaged first
+_SPREAD = 2.0            # cells: standard deviation of the Gaussian that averages over these
+_LEAST_SPREAD = 0.5      # share of the tensor's trace that is added to make it rounder
+_LEAST_PRODUCT = 1e-6    # squared gradient, in grey values by Sobel's masks: not to divide by nothing

@@ -5,7 +5,7 @@ import pytest
 from conftest import texture  # noqa: F401 (puts src on the path)
 
 from rvc_features.comparison import homographies
-from rvc_features.comparison.homographies import HomographyError, local_rotation, oriented, project, read_homography
+from rvc_features.comparison.homographies import HomographyError, oriented, project, read_homography, turned
 
 XML = '''<?xml version="1.0"?>
 <opencv_storage>
@@ -86,19 +86,16 @@ def test_a_factor_of_either_sign_changes_nothing():
         np.testing.assert_allclose(project(oriented(factor * matrix, (60, 100)), points), project(matrix, points))
 
 
-def test_local_rotation_is_that_of_small_neighbourhoods():
+def test_arrows_turn_as_small_neighbourhoods_do():
     angle = np.radians(30)
     rotation = np.array([[np.cos(angle), -np.sin(angle), 7], [np.sin(angle), np.cos(angle), -2], [0, 0, 1]])
-    np.testing.assert_allclose(local_rotation(3 * rotation, np.array([[0, 0], [50, 20.0]])), 30)
+    np.testing.assert_allclose(turned(3 * rotation, np.array([[0, 0], [50, 20.0]]), np.array([0, 100.0])), [30, 130])
 
-    # A perspective one: against finite differences and the polar decomposition.
+    # A perspective one: against the ends of a short arrow.
     matrix = rotation @ np.array([[1, 0.2, 0], [0, 0.8, 0], [1e-3, 5e-4, 1]])
-    point, step = np.array([[40, 30.0]]), 1e-4
-    jacobian = np.column_stack([(project(matrix, point + delta) - project(matrix, point - delta))[0] / (2 * step)
-                                for delta in (np.array([step, 0]), np.array([0, step]))])
-    u, _, v = np.linalg.svd(jacobian)
-    expected = np.degrees(np.arctan2((u @ v)[1, 0], (u @ v)[0, 0]))
-    np.testing.assert_allclose(local_rotation(matrix, point), expected, atol=1e-6)
+    point, arrow = np.array([[40, 30.0]]), 1e-4 * np.array([[np.cos(1.0), np.sin(1.0)]])
+    x, y = (project(matrix, point + arrow) - project(matrix, point - arrow))[0]
+    np.testing.assert_allclose(turned(matrix, point, np.degrees([1.0])), np.degrees(np.arctan2(y, x)), atol=1e-6)
 
 
 def test_the_identity_is_recognised_up_to_a_factor_and_half_a_pixel():

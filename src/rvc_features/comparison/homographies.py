@@ -78,15 +78,16 @@ def project(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
     return projected
 
 
-def local_rotation(matrix: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Angle in degrees by which the homography turns the neighbourhood of each point.
+def turned(matrix: np.ndarray, points: np.ndarray, angles: np.ndarray) -> np.ndarray:
+    """Directions, in degrees, that short arrows at the points, of these angles in degrees, have under the homography.
 
-    The rotation of the polar decomposition of the Jacobian J: atan2(J_10 - J_01, J_00 + J_11).
+    They are those of J (cos, sin)^T with the Jacobian J at the point.
     """
     projected = project(matrix, points)
-    # J_ij = (h_ij - p_i h_2j) / w; the positive factor 1 / w does not change the angle.
+    # J_ij = (h_ij - p_i h_2j) / w; the positive factor 1 / w does not change the direction.
     j = matrix[None, :2, :2] - projected[:, :, None] * matrix[None, 2:, :2]
-    return np.degrees(np.arctan2(j[:, 1, 0] - j[:, 0, 1], j[:, 0, 0] + j[:, 1, 1]))
+    x, y = np.cos(np.radians(angles)), np.sin(np.radians(angles))
+    return np.degrees(np.arctan2(j[:, 1, 0] * x + j[:, 1, 1] * y, j[:, 0, 0] * x + j[:, 0, 1] * y))
 
 
 def moves_nothing(matrix: np.ndarray, shape: tuple[int, ...]) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rvc_features import key_points as kp
 from rvc_features.comparison.correspondences import CommonRegion, inside, mutual_nearest, nearest
-from rvc_features.comparison.homographies import local_rotation, project
+from rvc_features.comparison.homographies import project, turned
 
 CELLS = 8                 # coverage: the image is cut into CELLS x CELLS
 MATCH_TOLERANCE = 3.0     # pixels within which a descriptor match is right
@@ -82,13 +82,14 @@ def spacing(points: np.ndarray) -> float | None:
 
 def orientation_errors(first_angles: np.ndarray, second_angles: np.ndarray, homography: np.ndarray,
                        first_points: np.ndarray) -> np.ndarray:
-    """Degrees, in [0, 180], by which each angle in the second image misses the first one turned by the homography.
+    """Degrees, in [0, 180], by which each angle in the second image misses the first one under the homography.
 
-    Only of pairs where both angles are there (not negative).
+    Its derivative takes arrows of the first image into the second one. Only of pairs where both angles are there (not
+    negative).
     """
     known = (first_angles >= 0) & (second_angles >= 0)
-    turned = first_angles[known] + local_rotation(homography, first_points[known])
-    return np.abs((second_angles[known] - turned + 180) % 360 - 180)
+    expected = turned(homography, first_points[known], first_angles[known])
+    return np.abs((second_angles[known] - expected + 180) % 360 - 180)
 
 
 def matching_accuracy(first: np.ndarray, second: np.ndarray, first_image: np.ndarray, second_image: np.ndarray,

@@ -1,87 +1,127 @@
-"""The smoothed gradient at each point; reference: orientation.py."""
+"""The smoothed gradient at each point, and the gradient's products round it; reference: orientation.py."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from rvc_features.kernels.compiler import installed, kernel, read_only
-from rvc_features.kernels.rows import reflect
+from rvc_features.kernels.compiler import LEAST_WIDTH, installed, kernel, read_only
+from rvc_features.kernels.rows import reflect, reflect_ends, row_lead, row_length, zeros
 
 if installed:
-    from rvc_features.kernels.vectors import LANES, load, splat, sum_of, to_float64
+    from rvc_features.kernels.vectors import (
+        LANES,
+        load,
+        load_half,
+        products_of_pairs,
+        splat,
+        store,
+        sum_of,
+        to_float32,
+        widened,
+    )
 
-def smoothed_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray,
-                       sigma: float) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient of the smoothed image at each point; reference: `orientation.reference_gradients`."""
-    return _smoothed_gradients(read_only(image), x.astype(np.float64), y.astype(np.float64), float(sigma))
+# For their types: what gradients and their products are kept in.
+_INT16, _INT32 = np.empty(0, np.int16), np.empty(0, np.int32)
+
+
+def smoothed_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray, side: int, weights: np.ndarray,
+                       slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient of the smoothed image at each point; reference: `orientation.reference_gradients`.
+
+    `side`, `weights` and `slopes` are those of `orientation.gaussian_and_slope`.
+    """
+    return _smoothed_gradients(read_only(image), x.astype(np.float64), y.astype(np.float64), side, weights, slopes)
 
 
 @kernel
-def _smoothed_gradients(image, x, y, sigma):
+def _smoothed_gradients(image, x, y, side, weights, slopes):
     height, width = image.shape
-    radius = int(np.ceil(3 * sigma))
-    side = 2 * radius + 1
-    length = (side + LANES - 1) // LANES * LANES
-    bell = np.exp(-np.arange(radius + 1) ** 2 / (2 * sigma ** 2))
-    weights_x, slopes_x = np.zeros(length, np.float64), np.zeros(length, np.float64)
-    weights_y, slopes_y = np.zeros(length, np.float64), np.zeros(length, np.float64)
+    radius, steps, length = side // 2, len(weights) - 1, weights.shape[1]
+    weights, slopes = weights.ravel(), slopes.ravel()
     patch = np.zeros(side * length, image.dtype)
     gradient_x, gradient_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
     for i in range(len(x)):
-        middle_x, middle_y = np.int64(np.rint(x[i])), np.int64(np.rint(y[i]))
+        middle_x, middle_y = np.int64(np.floor(x[i] + 0.5)), np.int64(np.floor(y[i] + 0.5))
         left, top = middle_x - radius, middle_y - radius
-        _gaussian_and_slope(x[i] - middle_x, sigma, bell, weights_x, slopes_x)
-        _gaussian_and_slope(y[i] - middle_y, sigma, bell, weights_y, slopes_y)
+        row_x = np.int64((x[i] - middle_x + 0.5) * steps + 0.5) * length
+        row_y = np.int64((y[i] - middle_y + 0.5) * steps + 0.5) * length
         # Seen from the value in the middle, a flat patch is zero, and its gradient is so exactly.
-        middle = np.float64(image[reflect(middle_y, height), reflect(middle_x, width)])
+        middle = np.float32(image[reflect(middle_y, height), reflect(middle_x, width)])
         if left >= 0 and left + length <= width and top >= 0 and top + side <= height:
-            gradient_x[i], gradient_y[i] = _weighed_patch(image, top * width + left, width, middle, side, weights_x,
-                                                          slopes_x, weights_y, slopes_y)
+            gradient_x[i], gradient_y[i] = _weighed_patch(image, top * width + left, width, middle, side, length,
+                                                          weights, slopes, row_x, row_y)
         else:
             for row in range(side):
                 for column in range(side):
                     patch[row * length + column] = image[reflect(top + row, height), reflect(left + column, width)]
-            gradient_x[i], gradient_y[i] = _weighed_patch(patch, 0, length, middle, side, weights_x, slopes_x,
-                                                          weights_y, slopes_y)
+            gradient_x[i], gradient_y[i] = _weighed_patch(patch, 0, length, middle, side, length, weights, slopes,
+                                                          row_x, row_y)
     return gradient_x, gradient_y
 
 
 @kernel
-def _gaussian_and_slope(offset, sigma, bell, weights, slopes):
-    """Gaussian round `offset`, and its derivative, up to a common factor, with no response to flat areas.
+def _weighed_patch(values, start, stride, middle, side, length, weights, slopes, row_x, row_y):
+    """Sum of a patch times slopes in x and weights in y, and the other way round."""
+    zero, middle = splat(np.float32(0)), splat(middle)
+    gradient_x, gradient_y = zero, zero
+    for i in range(0, length, LANES):
+        weighed, sloped = zero, zero
+        for row in range(side):
+            value = to_float32(load(values, start + row * stride + i)) - middle
+            weighed += splat(weights[row_y + row]) * value
+            sloped += splat(slopes[row_y + row]) * value
+        gradient_x += load(slopes, row_x + i) * weighed
+        gradient_y += load(weights, row_x + i) * sloped
+    return np.float64(sum_of(gradient_x)), np.float64(sum_of(gradient_y))
 
-    The first weight is that of pixel -radius; what follows the last one stays 0. `bell` is half a Gaussian round 0.
+
+def products_of_cells(image: np.ndarray, side: int) -> np.ndarray:
+    """Means of the gradient's products over squares; reference: `orientation.reference_products_of_cells`.
+
+    `image` is of uint8 and holds a square at least; `side` is an even number up to 32, for sums of so many pixels fit
+    in 32 bits.
     """
-    radius = len(bell) - 1
-    right = left = np.exp(-offset ** 2 / (2 * sigma ** 2))
-    weights[radius] = right
-    to_right = np.exp(offset / sigma ** 2)
-    to_left = 1 / to_right
-    for k in range(1, radius + 1):
-        right *= to_right
-        left *= to_left
-        weights[radius + k], weights[radius - k] = right * bell[k], left * bell[k]
-    weight, tilt = 0.0, 0.0
-    for i in range(2 * radius + 1):
-        slopes[i] = (i - radius - offset) * weights[i]
-        weight += weights[i]
-        tilt += slopes[i]
-    tilt /= weight
-    for i in range(2 * radius + 1):
-        slopes[i] -= weights[i] * tilt
+    if image.dtype != np.uint8 or image.shape[1] < LEAST_WIDTH:
+        raise ValueError(f'image must be uint8, at least {LEAST_WIDTH} pixels wide; got {image.dtype} {image.shape}')
+    return _products_of_cells(read_only(image), side)
 
 
 @kernel
-def _weighed_patch(values, start, stride, middle, side, weights_x, slopes_x, weights_y, slopes_y):
-    """Sum of a patch times slopes in x and weights in y, and the other way round."""
-    zero, middle = splat(0.0), splat(middle)
-    gradient_x, gradient_y = zero, zero
-    for i in range(0, len(weights_x), LANES):
-        weighed, sloped = zero, zero
-        for row in range(side):
-            value = to_float64(load(values, start + row * stride + i)) - middle
-            weighed += splat(weights_y[row]) * value
-            sloped += splat(slopes_y[row]) * value
-        gradient_x += load(slopes_x, i) * weighed
-        gradient_y += load(weights_x, i) * sloped
-    return sum_of(gradient_x), sum_of(gradient_y)
+def _products_of_cells(image, side):
+    """Sums of pairs down the columns of each row of squares, then along the row."""
+    height, width = image.shape
+    cells = np.empty((height // side, width // side, 3), np.float32)
+    lead = row_lead(1)
+    length = row_length(width, lead)
+    smoothed, falling = zeros(length, _INT16), zeros(length, _INT16)
+    sums = zeros(3 * length, _INT32)
+    for y in range(len(cells) * side):
+        above, here, below = reflect(y - 1, height) * width, y * width, reflect(y + 1, height) * width
+        for i in range(0, width, LANES):
+            i = min(i, width - LANES)
+            upper, middle, lower = (widened(load(image, above + i)), widened(load(image, here + i)),
+                                    widened(load(image, below + i)))
+            store(smoothed, lead + i, (upper + middle) + (middle + lower))
+            store(falling, lead + i, lower - upper)
+        reflect_ends(smoothed, lead, width, 1)
+        reflect_ends(falling, lead, width, 1)
+        for i in range(0, width // side * side, LANES):
+            here, at = lead + i, i // 2
+            x_gradient = load(smoothed, here + 1) - load(smoothed, here - 1)
+            y_gradient = (load(falling, here - 1) + load(falling, here)) + (load(falling, here)
+                                                                            + load(falling, here + 1))
+            store(sums, at, load_half(sums, at) + products_of_pairs(x_gradient, x_gradient))
+            at += length
+            store(sums, at, load_half(sums, at) + products_of_pairs(x_gradient, y_gradient))
+            at += length
+            store(sums, at, load_half(sums, at) + products_of_pairs(y_gradient, y_gradient))
+        if y % side == side - 1:
+            for part in range(3):
+                for cell in range(cells.shape[1]):
+                    first = part * length + cell * (side // 2)
+                    total = np.int32(0)
+                    for i in range(first, first + side // 2):
+                        total += sums[i]
+                    cells[y // side, cell, part] = np.float32(total) / np.float32(side * side)
+            sums[:] = 0
+    return cells
