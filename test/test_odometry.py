@@ -1,8 +1,15 @@
 #!/usr/bin/env python3
 """What the node does for an odometry, end to end: mask, tracks, rays, descriptors, service, and the converters."""
 
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
 import sys
+import threading
 import unittest
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -10,9 +17,11 @@ import rospy
 import rostest
 from dynamic_reconfigure.client import Client
 from ros_helpers import Camera, Inbox, exchange_until, texture
+from rosgraph_msgs.msg import Log
 from rvc_features.msg import Descriptors, KeyPoints, Tracks
 from rvc_features.srv import Detect
 from sensor_msgs.msg import CameraInfo, Image, PointCloud
+from std_msgs.msg import Bool
 
 from rvc_features import detectors
 from rvc_features.image_transport.messages import to_array, to_image_message
@@ -22,10 +31,24 @@ from rvc_features.odometry.descriptors import describe
 K = [300.0, 0, 160, 0, 300, 120, 0, 0, 1]
 D = [-0.2, 0.05, 0.001, 0.0, 0.0]
 DETECTOR = detectors.create('harris', threshold=0.05)
+DOCUMENT = Path(__file__).resolve().parents[1] / 'docs' / 'odometry.md'
 
 
 def positions(message):
     return np.column_stack((message.x, message.y))
+
+
+def messages_of(package):
+    """The module of a package's messages; skips the test where it is not installed."""
+    try:
+        return importlib.import_module(f'{package}.msg')
+    except ImportError:
+        raise unittest.SkipTest(f'{package} is not installed here') from None
+
+
+def example(start):
+    """The code in the document that begins with that text."""
+    return re.search(rf'```\w+\n({re.escape(start)}.*?)```', DOCUMENT.read_text(), re.DOTALL)[1]
 
 
 class TestOdometry(unittest.TestCase):
@@ -36,6 +59,7 @@ class TestOdometry(unittest.TestCase):
         cls.calibrations = rospy.Publisher('camera/camera_info', CameraInfo, queue_size=5)
         cls.inboxes = {'key_points': Inbox('key_points', KeyPoints), 'tracks': Inbox('tracks', Tracks),
                        'descriptors': Inbox('descriptors', Descriptors), 'annotated': Inbox('annotated', Image)}
+        cls.log = Inbox('/rosout', Log)
         exchange_until(cls.camera, texture(), cls.inboxes.values())
         cls.client = Client('feature_detector', timeout=20)
 
@@ -54,6 +78,22 @@ class TestOdometry(unittest.TestCase):
                 return answer
         raise AssertionError('the node never took it')
 
+    def said(self, text):
+        return self.log.wait_for(lambda message: text in message.msg, repr(text))
+
+    def converted(self, topic, message_class, source, image):
+        """What the converter makes of the answer to an image, and that answer."""
+        inbox = Inbox(topic, message_class)
+        for _ in range(100):   # topics connect when they connect
+            answer = self.answer(source, image)
+            inbox.wait_a_moment()
+            for message in inbox.messages:
+                header = message.markers[0].header if topic == 'rays' else message.header
+                if header.stamp == answer.header.stamp:
+                    inbox.close()
+                    return message, answer
+        raise AssertionError(f'nothing on {topic}')
+
     def test_masks_of_a_parameter_a_topic_and_the_border(self):
         self.assertTrue((np.rint(positions(self.answer('key_points', texture()))) >= 30).any(axis=1).all())
         mask = np.zeros((240, 320), np.uint8)
@@ -62,12 +102,22 @@ class TestOdometry(unittest.TestCase):
                                    lambda message: message.x and min(message.x) >= 159.5)
         self.assertGreater(len(left_out.x), 20)
         # Of a wrong size or encoding: the last good one stays, and the log says why.
-        for wrong in (to_image_message(np.full((120, 160), 255, np.uint8), 'mono8'),
-                      to_image_message(np.full((240, 320, 3), 255, np.uint8), 'bgr8')):
+        for wrong, sentence in (
+                (to_image_message(np.full((240, 320, 3), 255, np.uint8), 'bgr8'),
+                 "mask refused, the last one stays: its encoding is 'bgr8'; accepted are mono8 and 8UC1"),
+                (to_image_message(np.full((120, 160), 255, np.uint8), 'mono8'),
+                 'mask refused: it has 160 x 120 pixels, and the images have 320 x 240, the last one that fits stays')):
             self.masks.publish(wrong)
             for _ in range(3):
                 self.assertGreaterEqual(min(self.answer('key_points', texture()).x), 159.5)
                 self.assertGreaterEqual(min(self.answer('tracks', texture()).x), 159.5)
+            self.said(sentence)
+        # Of long ago: it counts, and that it is stale is said.
+        old = to_image_message(mask, 'mono8')
+        old.header.stamp = rospy.Time(1)
+        self.send_until(self.masks, old, 'key_points', lambda message: any(
+            'the mask is stale: it is' in entry.msg for entry in self.log.messages))
+        self.assertGreaterEqual(min(self.answer('key_points', texture()).x), 159.5)
         self.client.update_configuration({'border_right': 40, 'border_top': 50})
         message = self.answer('key_points', texture())
         self.assertLess(max(message.x), 280)
@@ -115,7 +165,7 @@ class TestOdometry(unittest.TestCase):
         rays = np.column_stack((message.ray_x, message.ray_y))
         np.testing.assert_allclose(rays, rays_of(positions(message)), atol=1e-6)
 
-        clouds = Inbox('vins', PointCloud)
+        clouds, restarts = Inbox('vins', PointCloud), Inbox('vins_restart', Bool)
         image = cv2.GaussianBlur(texture(), (0, 0), 2)
         shift = 0
         while not clouds.messages:
@@ -126,6 +176,7 @@ class TestOdometry(unittest.TestCase):
         tracks = self.answer('tracks', np.roll(image, shift + 2, axis=1))
         cloud = clouds.wait_for(lambda cloud: cloud.header.stamp == tracks.header.stamp, 'the cloud of the tracks')
         seen = np.array(tracks.age) > 0
+        self.assertEqual(cloud.header.frame_id, 'world')
         self.assertEqual(len(cloud.points), np.count_nonzero(seen))
         np.testing.assert_array_equal([point.z for point in cloud.points], 1)
         expected = rays_of(positions(tracks)[seen])
@@ -137,8 +188,71 @@ class TestOdometry(unittest.TestCase):
         before = rays_of(positions(tracks)[seen] - velocity)   # the stamps are a second apart
         np.testing.assert_allclose(np.column_stack((velocity_x, velocity_y)), expected - before, atol=1e-5)
 
+        # The camera is started again: VINS-Mono is told to, and gets no tracks of that image, but those of the next.
+        self.assertEqual(restarts.messages, [])
+        for seconds in (15.0, 15.5, 17.0, 17.5):   # back, on, a gap, on
+            header = to_image_message(image, 'mono8').header
+            header.stamp = rospy.Time.from_sec(seconds)
+            self.answer('tracks', image, header=header)
+        clouds.wait_for(lambda cloud: cloud.header.stamp.to_sec() == 15.5, 'the cloud after the clock went back')
+        clouds.wait_for(lambda cloud: cloud.header.stamp.to_sec() == 17.5, 'the cloud after the gap')
+        self.assertEqual([restart.data for restart in restarts.messages], [True, True])
+        self.assertFalse(any(cloud.header.stamp.to_sec() in (15.0, 17.0) for cloud in clouds.messages))
+
         info.width = 640
         self.send_until(self.calibrations, info, 'key_points', lambda message: not message.ray_x)
+
+    def test_key_points_for_opencv_apps(self):
+        module = messages_of('opencv_apps')
+        message, expected = self.converted('points', module.Point2DArrayStamped, 'key_points', texture())
+        self.assertEqual(message.header.frame_id, 'camera_optical')
+        np.testing.assert_array_equal(positions(expected), [(point.x, point.y) for point in message.points])
+        self.assertGreater(len(message.points), 20)
+
+    def test_markers_and_rays_for_viewers(self):
+        module = messages_of('visualization_msgs')
+        message, expected = self.converted('markers', module.ImageMarker, 'key_points', texture())
+        self.assertEqual((message.type, message.action), (module.ImageMarker.POINTS, module.ImageMarker.ADD))
+        np.testing.assert_array_equal(positions(expected), [(point.x, point.y) for point in message.points])
+        info = CameraInfo(width=320, height=240, distortion_model='plumb_bob', K=K, D=D)
+        self.send_until(self.calibrations, info, 'key_points', lambda message: message.ray_x)
+        message, expected = self.converted('rays', module.MarkerArray, 'tracks', texture())
+        marker, = message.markers
+        self.assertEqual(marker.type, module.Marker.LINE_LIST)
+        ends = np.array([(point.x, point.y, point.z) for point in marker.points]).reshape(-1, 2, 3)
+        self.assertFalse(ends[:, 0].any())
+        np.testing.assert_allclose(np.linalg.norm(ends[:, 1], axis=1), 1)
+        np.testing.assert_allclose(ends[:, 1, :2] / ends[:, 1, 2:], np.column_stack((expected.ray_x, expected.ray_y)))
+
+    def test_the_example_that_pairs_images_and_key_points(self):
+        if importlib.util.find_spec('message_filters') is None:
+            self.skipTest('message_filters is not installed here')
+        code = example('import message_filters')
+        consumer = subprocess.Popen([sys.executable, '-u', '-c', code, '/feature_detector/key_points:=/key_points'],
+                                    stdout=subprocess.PIPE, text=True)
+        lines = []
+        reader = threading.Thread(target=lambda: lines.extend(consumer.stdout), daemon=True)
+        try:
+            reader.start()
+            for _ in range(200):
+                found = len(self.answer('key_points', texture()).x)
+                if lines:
+                    break
+                reader.join(0.1)
+        finally:
+            consumer.kill()
+            consumer.wait()
+        self.assertRegex(''.join(lines), f'{found} points in image [0-9]+')
+
+    def test_the_example_in_cpp_compiles(self):
+        prefixes = [*os.environ['CMAKE_PREFIX_PATH'].split(os.pathsep), '/usr']
+        includes = [folder for folder in (Path(prefix) / 'include' for prefix in prefixes) if folder.is_dir()]
+        if not shutil.which('g++') or not any((folder / 'ros' / 'ros.h').is_file() for folder in includes):
+            self.skipTest('no compiler of C++ or no headers of roscpp here')
+        compiled = subprocess.run(
+            ['g++', '-fsyntax-only', '-Wall', '-x', 'c++', *(f'-I{folder}' for folder in includes[:-1]), '-'],
+            input=example('#include <cmath>'), stderr=subprocess.PIPE, text=True, check=False)
+        self.assertEqual(compiled.returncode, 0, compiled.stderr)
 
     def test_descriptors_are_those_of_the_key_points(self):
         image = texture(seed=3)

@@ -10,7 +10,8 @@ Published topics
     vins (sensor_msgs/PointCloud)
         As the estimator of VINS-Mono reads it on /feature_tracker/feature.
     vins_restart (std_msgs/Bool)
-        True when the clock has jumped back, as VINS-Mono reads it on /feature_tracker/restart.
+        True when the clock has jumped back or by more than a second, as VINS-Mono reads it on
+        /feature_tracker/restart; the tracks of that image are not sent.
     points (opencv_apps/Point2DArrayStamped), where that package is installed
         The positions of the key points.
     markers (visualization_msgs/ImageMarker), where visualization_msgs is installed
@@ -39,6 +40,7 @@ from rvc_features.nodes.spin import spin
 from rvc_features.nodes.start import only_ros_arguments
 
 _GREEN = 0.2, 1.0, 0.2
+_GAP = rospy.Duration(1)   # between images, beyond which VINS-Mono's own front end starts anew
 _PATIENCE = 1.0   # seconds until the node notices that it has been told to end
 
 
@@ -100,10 +102,11 @@ class ConvertNode:
             if self._changed.wait(_PATIENCE):
                 self._changed.clear()
 
-    def _to_vins(self, message: Tracks) -> PointCloud:
-        if message.header.stamp < self._last_stamp:
+    def _to_vins(self, message: Tracks) -> PointCloud | None:
+        last, self._last_stamp = self._last_stamp, message.header.stamp
+        if last and not rospy.Duration() <= message.header.stamp - last <= _GAP:
             self._restart.publish(Bool(True))
-        self._last_stamp = message.header.stamp
+            return None
         return vins_point_cloud(message)
 
 
@@ -125,9 +128,12 @@ class _Converter:
 
     def _convert(self, message: Any) -> None:
         try:
-            self._publisher.publish(self._function(message))
+            converted = self._function(message)
         except ValueError as error:
             reporter().say(rospy.logwarn, 'no conversion', str(error))
+        else:
+            if converted is not None:
+                self._publisher.publish(converted)
 
 
 def main() -> int:

@@ -98,8 +98,9 @@ def vins_point_cloud(message: Tracks) -> PointCloud:
 
     `process` in its vins_estimator/src/estimator_node.cpp takes for each point: x and y, undistorted and normalised,
     with a z of exactly 1; channels[0] the id (times the number of cameras, which is one here), 1 and 2 the pixel u and
-    v, 3 and 4 the velocity of x and y per second. A track that is new has no velocity yet and is left out, as
-    VINS-Mono's own front end does. Ids are taken modulo 2^24, for they travel as float32.
+    v, 3 and 4 the velocity of x and y per second. A track that is new has no velocity yet and is left out, and the
+    frame_id is `world`, which the estimator hands on to its point clouds: both as VINS-Mono's own front end does it
+    (feature_tracker/src/feature_tracker_node.cpp). Ids are taken modulo 2^24, for they travel as float32.
 
     Raises
     ------
@@ -115,7 +116,8 @@ def vins_point_cloud(message: Tracks) -> PointCloud:
     ids = (np.array(message.id, np.uint64)[seen] % np.uint64(IDS_OF_A_FLOAT)).astype(np.float32)
     channels = {'id_of_point': ids, 'u_of_point': fields['x'], 'v_of_point': fields['y'],
                 'velocity_x_of_point': fields['ray_velocity_x'], 'velocity_y_of_point': fields['ray_velocity_y']}
-    return PointCloud(header=message.header,
+    header = Header(seq=message.header.seq, stamp=message.header.stamp, frame_id='world')
+    return PointCloud(header=header,
                       points=[Point32(x, y, 1.0) for x, y in zip(fields['ray_x'].tolist(), fields['ray_y'].tolist())],
                       channels=[ChannelFloat32(name, values) for name, values in channels.items()])
 
