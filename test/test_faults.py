@@ -1,13 +1,16 @@
 #!/usr/bin/env python3
 """What goes wrong on a robot, one thing at a time, and what the node says and does then."""
 
+import logging
 import os
 import signal
 import socket
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+import traceback
 import unittest
 import unittest.mock
 from pathlib import Path
@@ -22,7 +25,9 @@ from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import CompressedImage, Image
 from std_msgs.msg import String
 
+from rvc_features.brief import Reporter
 from rvc_features.nodes.lazy_input import LazyInput
+from rvc_features.nodes.library_log import RosLog
 
 OK, WARN, ERROR = 0, 1, 2
 
@@ -136,6 +141,39 @@ class TestWhatTheNodeSays(unittest.TestCase):
         values = self.status_of('loop/wrong_output', 'is published by')
         self.assertIn(f'/looped is published by {rospy.get_name()}, too', values['message'])
         self.assertEqual(values['level'], WARN)
+
+
+class TestLog(unittest.TestCase):
+    """What ROS's own libraries log, under a fault that lasts."""
+
+    def test_each_kind_is_one_short_line_and_then_a_count(self):
+        logger, said = logging.getLogger('rospy.internal'), []
+        handler = logging.Handler()
+        handler.emit = lambda record: said.append(record.getMessage())
+        logger.addHandler(handler)
+        self.addCleanup(logger.removeHandler, handler)
+        quiet = RosLog()
+        quiet.install()
+        self.addCleanup(logger.removeFilter, quiet)
+        clock = [1000.0]
+
+        def a_minute():
+            for number in range(600):   # with texts that never are the same
+                try:
+                    raise ConnectionResetError(f'number {number} ' * 100)
+                except ConnectionResetError:
+                    rospy.core.rospyerr(traceback.format_exc())
+                    rospy.core.rospywarn(f'Unknown error initiating TCP/IP socket to 10.0.0.{number}')
+                clock[0] += 0.1
+
+        with unittest.mock.patch('rvc_features.nodes.library_log.reporter', return_value=Reporter(lambda: clock[0])):
+            thread = threading.Thread(target=a_minute)   # as rospy's are
+            thread.start()
+            thread.join()
+        self.assertEqual(len(said), 6)
+        self.assertLess(sum(len(line) for line in said if line.startswith('Trace')), 700)
+        self.assertTrue(all('\n' not in line for line in said))
+        self.assertIn('more in 20 s)', said[-1])
 
 
 class TestLazyInput(unittest.TestCase):

@@ -2,6 +2,7 @@
 """The transport among real ROS connections: with itself, with C++, and with subscribers that come, stall and leave."""
 
 import contextlib
+import errno
 import gc
 import io
 import logging
@@ -17,7 +18,10 @@ import tempfile
 import threading
 import time
 import unittest
+import unittest.mock
+import urllib.parse
 import weakref
+import xmlrpc.client
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -34,6 +38,7 @@ from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import CompressedImage
 from sensor_msgs.msg import Image as PlainImage
 from std_msgs.msg import Header
+from std_srvs.srv import SetBool
 
 sys.path.insert(0, str(Path(__file__).resolve().parent / 'unit'))
 
@@ -100,6 +105,16 @@ class CountingTransport(Transport):
 
     def decode(self, message):
         return message
+
+
+class BrokenHeader(Header):
+    """A message that breaks off if it says so."""
+
+    def serialize(self, buff):
+        if self.frame_id == 'broken':
+            buff.write(b'\0\0')
+        else:
+            super().serialize(buff)
 
 
 class Warnings(logging.Handler):
@@ -360,6 +375,64 @@ class ImageTransportTest(unittest.TestCase):
         with socket.create_connection(address, PATIENCE) as connection:
             connection.sendall(on_the_wire_as_header('nothing=of use'))
             wait_until(lambda: handshakes._refused == refused + 1, 'what makes no sense is reported')
+
+    def test_a_request_that_can_not_be_read_is_refused_and_does_not_end_in_a_traceback(self):
+        """Nor do those who ask and leave: there were three tracebacks for each, two of them in the log file."""
+        service = rospy.Service('asked', SetBool, lambda request: (request.data, 'well'))
+        self.addCleanup(service.shutdown)
+        ImageTransport()
+        address = rospy.impl.tcpros_base.get_tcpros_server_address()
+        header = on_the_wire_as_header('service=/asked', f'md5sum={SetBool._md5sum}', 'callerid=/test')
+        with Warnings() as texts, unittest.mock.patch.object(threading, 'excepthook') as died:
+            for said, answer in (
+                    (struct.pack('<I', 2 ** 32 - 1), b'4294967295 bytes, where'),
+                    (struct.pack('<I', 0), b'0 bytes that can not be deserialized'),
+                    (struct.pack('<I', 1) + b'\1', b'\1' + struct.pack('<IBI', 9, 1, 4) + b'well'), (b'\0', b'')):
+                with socket.create_connection(address, PATIENCE) as connection:
+                    connection.sendall(header + said)
+                    connection.shutdown(socket.SHUT_WR)
+                    heard = b''.join(iter(lambda connection=connection: connection.recv(1000), b''))
+                assert answer in heard, said
+            assert rospy.ServiceProxy('asked', SetBool)(True).message == 'well'
+        assert not died.called
+        assert len(texts) <= 1, texts
+
+    def test_calls_that_are_bombs_are_refused_at_once(self):
+        """1 kB of XML kept a thread busy for minutes and took hundreds of MB."""
+        uri = rospy.core.get_node_uri()
+        entities = ''.join(f'<!ENTITY e{n} "{f"&e{n - 1};" * 8}">' for n in range(1, 10))
+        bomb = (f'<?xml version="1.0"?><!DOCTYPE bomb [<!ENTITY e0 "0123456789">{entities}]><methodCall><methodName>'
+                '&e9;</methodName></methodCall>').encode()
+        host, port = urllib.parse.urlparse(uri).netloc.split(':')
+        for body, length in ((bomb, len(bomb)), (b'<', 10 ** 10), (b'<', -1)):
+            with socket.create_connection((host, int(port)), PATIENCE) as connection:
+                connection.sendall(f'POST /RPC2 HTTP/1.0\r\nContent-Length: {length}\r\n\r\n'.encode() + body)
+                heard = b''.join(iter(lambda connection=connection: connection.recv(1000), b''))
+            assert b'document type' in heard or b' 413 ' in heard or b' 500 ' in heard, heard[:300]
+        assert xmlrpc.client.ServerProxy(uri).getPid('/test') == [1, '', os.getpid()]
+
+    def test_a_process_without_descriptors_accepts_connections_again_when_it_has_some(self):
+        publisher = self.advertise('exhausted', transports=['raw'])
+        address = rospy.impl.tcpros_base.get_tcpros_server_address()
+        door = rospy.impl.tcpros_base._tcpros_server.tcp_ros_server.server_sock
+        full = OSError(errno.EMFILE, 'Too many open files')
+        listening = unittest.mock.Mock(accept=unittest.mock.Mock(side_effect=[full, full, ('connection', address)]))
+        assert type(door)(listening).accept() == ('connection', address)
+        _, images = self.subscribe('exhausted')
+        wait_until(lambda: publisher.get_num_subscribers() == 1, 'connected')
+        publisher.publish_array(quadrants('bgr8'), 'bgr8')
+        images.get(timeout=PATIENCE)
+
+    def test_a_message_of_another_kind_that_can_not_be_read_does_not_end_the_connection(self):
+        """As of a mask or a calibration: after one bad message there came none any more."""
+        heard = queue.Queue()
+        subscriber = whole_reads.subscribe('kinds', Header, heard.put, 1.0)
+        self.addCleanup(subscriber.unregister)
+        publisher = self.plain_publisher('kinds', BrokenHeader)
+        wait_until(lambda: publisher.get_num_connections() == 1, 'connected')
+        publisher.publish(BrokenHeader(frame_id='broken'))
+        publisher.publish(BrokenHeader(frame_id='whole'))
+        assert heard.get(timeout=PATIENCE).frame_id == 'whole'
 
     def test_a_subscription_that_ends_leaves_no_descriptor_open(self):
         publisher = self.advertise('cycled', transports=['raw'])

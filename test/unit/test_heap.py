@@ -46,19 +46,38 @@ def test_large_frames_now_and_then_keep_what_they_need(calls):
 
 
 def test_tidying_gives_back_what_no_frame_accounts_for(calls, monkeypatch):
-    resident = [100 << 20]
+    resident, now = [100 << 20], [1000.0]
     monkeypatch.setattr(heap, 'resident_bytes', lambda: resident[0])
+    monkeypatch.setattr(heap.time, 'monotonic', lambda: now[0])
     frames = heap.FrameHeap()
     frames.tidy()
     assert calls == []
     resident[0] = 600 << 20
     frames.tidy()
     assert calls == ['give back']
-    frames.tidy()   # it is in use, then: not again, until there is more
+    frames.tidy()   # it is in use, then: not again at once, until there is more
     assert calls == ['give back']
     resident[0] = 900 << 20
     frames.tidy()
     assert calls == ['give back'] * 2
+
+
+def test_what_was_in_use_at_a_peak_is_given_back_afterwards(calls, monkeypatch):
+    """140 MB stayed for good, which nothing but the next peak would have found."""
+    resident, now = [100 << 20], [1000.0]
+    monkeypatch.setattr(heap, 'resident_bytes', lambda: resident[0])
+    monkeypatch.setattr(heap.time, 'monotonic', lambda: now[0])
+    frames = heap.FrameHeap()
+    resident[0] = 300 << 20
+    for _ in range(1000):   # seconds, of which none brings anything new
+        frames.tidy()
+        now[0] += 1
+    assert 5 <= len(calls) <= 9, 'less and less often'
+    resident[0] = 110 << 20   # as the last of them found
+    for _ in range(1000):
+        frames.tidy()
+        now[0] += 1
+    assert len(calls) <= 9
 
 
 GROWS_AND_SHRINKS = '''

@@ -8,11 +8,12 @@ time, and answered in turn.
 from __future__ import annotations
 
 import contextlib
+import errno
 import socket
 import struct
 import threading
 import time
-from typing import Any
+from typing import Any, Callable
 
 import rospy
 import rospy.impl.tcpros_base
@@ -20,8 +21,10 @@ from rosgraph.network import decode_ros_handshake_header, write_ros_handshake_he
 from rospy.impl.registration import get_service_manager, get_topic_manager
 
 from rvc_features.brief import reporter, shown
+from rvc_features.image_transport import requests
 
 _SECONDS = 5.0         # that a connection has to say what it wants
+_PAUSE = 0.5           # until descriptors are looked for again
 _MOST_WAITING = 100    # connections that haven't yet; one more, and the oldest is closed
 _MOST_BYTES = 1 << 16  # of a header; with it comes the definition of the message
 
@@ -33,10 +36,12 @@ class Handshakes:
     ----------
     server : rospy.impl.tcpros_base.TCPROSServer
         Has the handlers for topics and services.
+    most_bytes : callable
+        How many a request to a service may have.
     """
 
-    def __init__(self, server: Any) -> None:
-        self._server = server
+    def __init__(self, server: Any, most_bytes: Callable[[], int]) -> None:
+        self._server, self._most_bytes = server, most_bytes
         self._waiting: list[socket.socket] = []
         self._change = threading.Lock()
         self._turn = threading.Lock()   # rospy's handlers know only one thread
@@ -47,7 +52,11 @@ class Handshakes:
             self._waiting.append(connection)
             if len(self._waiting) > _MOST_WAITING:
                 _shut(self._waiting.pop(0))
-        threading.Thread(target=self._answer, args=(connection, address), name='handshake', daemon=True).start()
+        try:
+            threading.Thread(target=self._answer, args=(connection, address), name='handshake', daemon=True).start()
+        except RuntimeError as error:   # no more threads; what is raised here ends the thread that accepts
+            connection.close()
+            self._report(address, str(error))
 
     def _answer(self, connection: socket.socket, address: tuple) -> None:
         ordinary = False
@@ -76,6 +85,9 @@ class Handshakes:
         if 'topic' in header:
             return self._server.topic_connection_handler(connection, address, header)
         if 'service' in header:
+            service = get_service_manager().get_service(header['service'])
+            if service is not None:
+                requests.guard(service, self._most_bytes)
             return self._server.service_connection_handler(connection, address, header)
         return 'no topic or service name detected'
 
@@ -87,13 +99,43 @@ class Handshakes:
                        f'connection from {address[0]} refused, {self._refused} so far: {shown(problem)}')
 
 
-def limit_handshakes() -> None:
-    """Have this process's port answered like that; the node must be initialised."""
+def limit_handshakes(most_bytes: Callable[[], int]) -> None:
+    """Have this process's port answered like that; the node must be initialised.
+
+    Parameters
+    ----------
+    most_bytes : callable
+        How many a request to a service may have.
+    """
     rospy.impl.tcpros_base.start_tcpros_server()   # does nothing where it runs
     server = rospy.impl.tcpros_base._tcpros_server
     if not isinstance(server.tcp_ros_server.inbound_handler, Handshakes):
-        server.tcp_ros_server.inbound_handler = Handshakes(server)
+        server.tcp_ros_server.inbound_handler = Handshakes(server, most_bytes)
         server.tcp_ros_server.server_sock.listen(_MOST_WAITING)   # rospy lets 5 wait; one more is put off by a second
+        server.tcp_ros_server.server_sock = _Door(server.tcp_ros_server.server_sock)
+        address = rospy.impl.tcpros_base.get_tcpros_server_address()
+        with contextlib.suppress(OSError), socket.create_connection(address, _SECONDS):
+            pass   # so that who waits at the old door goes to the new one
+
+
+class _Door:
+    """The socket that connections are accepted from; without descriptors it waits for some, where rospy gives up."""
+
+    def __init__(self, listening: socket.socket) -> None:
+        self._listening = listening
+
+    def accept(self) -> tuple[socket.socket, Any]:
+        while True:
+            try:
+                return self._listening.accept()
+            except OSError as error:
+                if error.errno not in (errno.EMFILE, errno.ENFILE, errno.ENOBUFS, errno.ENOMEM):
+                    raise
+                reporter().say(rospy.logerr, 'descriptors', f'no connection can be accepted: {error.strerror}')
+                time.sleep(_PAUSE)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._listening, name)
 
 
 def _read_header(connection: socket.socket) -> dict[str, str]:

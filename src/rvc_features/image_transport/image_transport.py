@@ -12,8 +12,10 @@ from rvc_features.brief import shown
 from rvc_features.image_transport import transports as known
 from rvc_features.image_transport.handshakes import limit_handshakes
 from rvc_features.image_transport.publisher import Publisher
+from rvc_features.image_transport.remote_calls import limit_remote_calls
 from rvc_features.image_transport.subscriber import Subscriber
 from rvc_features.image_transport.transports import TRANSPORTS
+from rvc_features.image_transport.whole_reads import most_message_bytes
 from rvc_features.still_images import MEGAPIXELS
 
 _MOST_MEGAPIXELS = 10_000.0
@@ -49,7 +51,8 @@ class ImageTransport:
     """
 
     def __init__(self) -> None:
-        limit_handshakes()
+        limit_remote_calls()
+        limit_handshakes(lambda: most_message_bytes(most_megapixels()))
 
     def advertise(self, base_topic: str, queue_size: int = 1, latch: bool = False,
                   subscriber_connected: Callable[[], Any] | None = None,

@@ -19,6 +19,7 @@ import numpy as np
 import rospy
 from rospy.exceptions import TransportTerminated
 
+from rvc_features.brief import reporter
 from rvc_features.still_images import most_bytes
 
 FIRST_READ = 4096      # bytes, for rospy.Subscriber's buff_size: enough to learn how much there is to come
@@ -53,6 +54,20 @@ def received(message_class: type, limit: float) -> type:
     return Received
 
 
+def subscribe(topic: str, message_class: type, callback: Callable[[Any], Any], megapixels: float,
+              **options: Any) -> rospy.Subscriber:
+    """A rospy.Subscriber like that, of any kind of message: a bad one is reported, and does not end the connection."""
+    def take(message: Any) -> None:
+        if message.problem:
+            reporter().say(rospy.logwarn, f'reading {topic}', f'{rospy.resolve_name(topic)}: {message.problem}')
+        else:
+            callback(message)
+
+    subscriber = rospy.Subscriber(topic, received(message_class, megapixels), take, **options)
+    read_messages(subscriber, whole=False)
+    return subscriber
+
+
 def read_messages(subscriber: rospy.Subscriber, whole: bool) -> None:
     """Have all connections of a subscriber read like that, those there are and those to come.
 
@@ -75,6 +90,11 @@ def read_messages(subscriber: rospy.Subscriber, whole: bool) -> None:
     implementation.add_connection = convert_and_add   # before the next line, so that none slips through
     for connection in implementation.connections:
         _convert(connection, whole)
+
+
+def most_message_bytes(megapixels: float) -> int:
+    """What a message may have if images may be that large."""
+    return most_bytes(megapixels) + _ROOM
 
 
 def _convert(connection: Any, whole: bool) -> None:
@@ -106,7 +126,7 @@ def _read_messages(connection: Any, read_in_portions: Callable[..., None], whole
     end = begun.tell()
     begun.seek(0)
     size, = struct.unpack('<I', begun.read(4))
-    most = most_bytes(message_class.megapixels) + _ROOM
+    most = most_message_bytes(message_class.megapixels)
     if size > most:
         message = message_class()
         message.problem = (f'message of {size} bytes passed over unread: more than {message_class.megapixels:g} '

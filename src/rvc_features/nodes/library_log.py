@@ -4,14 +4,22 @@ from __future__ import annotations
 
 import functools
 import logging
+import re
+import threading
 import time
+from pathlib import Path
 
+import genpy
+import rosgraph
 import rospy
 
-from rvc_features.brief import cut
+from rvc_features.brief import cut, reporter
 
 _RECENT = 60.0   # seconds: longer than what lasts is left unsaid in between
 _MOST = 5        # warnings that are kept
+_KIND = 16       # characters at the beginning of a text that tell its kind
+_MOST_KINDS = 50
+_SHORTENED = 'is_shortened'   # attribute of records that have been through the filter
 
 
 class LibraryLog(logging.Handler):
@@ -32,6 +40,41 @@ class LibraryLog(logging.Handler):
         """Warnings of the last minute, the last of each kind."""
         now = time.monotonic()
         return tuple(text for said, text in list(self._recent.values()) if now - said < _RECENT)
+
+
+class RosLog(logging.Filter):
+    """Of what ROS's own libraries log as warning or worse, each kind in one line, less and less often while it lasts.
+
+    They write a traceback for each request that makes no sense, and two lines for each connection that comes and goes.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._kinds: set[str] = set()
+
+    def install(self) -> None:
+        """Have all loggers of ROS's filtered like that."""
+        for name in logging.root.manager.loggerDict:
+            if name.partition('.')[0] in ('rosout', 'rospy', 'rosgraph', 'xmlrpc'):
+                logging.getLogger(name).addFilter(self)
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        least = logging.INFO if record.name == 'rospy.internal' else logging.WARNING
+        if (record.levelno < least or not record.pathname.startswith(_ROS)
+                or getattr(record, _SHORTENED, False)):
+            return True
+        text = record.getMessage() + (f' {record.exc_info[1]}' if record.exc_info else '')
+        kind = f'{record.name} {re.sub("[^a-z ]", "", text[:_KIND].lower())}'
+        if kind not in self._kinds and len(self._kinds) >= _MOST_KINDS:
+            kind = record.name
+        self._kinds.add(kind)
+        reporter().say(functools.partial(logging.getLogger(record.name).log, record.levelno,
+                                         extra={_SHORTENED: True}), kind, text)
+        return False
+
+
+# rospy gives the outermost place in the stack for what its own modules log.
+_ROS = (*(str(Path(module.__file__).parent) for module in (rospy, rosgraph, genpy)), threading.__file__)
 
 
 @functools.lru_cache(maxsize=None)

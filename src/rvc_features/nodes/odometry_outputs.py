@@ -16,7 +16,9 @@ from std_msgs.msg import Header
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector
 from rvc_features.image_transport.encodings import ImageError
+from rvc_features.image_transport.image_transport import most_megapixels
 from rvc_features.image_transport.messages import to_array
+from rvc_features.image_transport.whole_reads import subscribe
 from rvc_features.msg import Descriptors, KeyPoints, Tracks
 from rvc_features.nodes import odometry_config
 from rvc_features.nodes.point_messages import descriptors_message, key_points_message, tracks_message
@@ -66,8 +68,9 @@ class OdometryOutputs:
         self._publishers = (
             rospy.Publisher('tracks', Tracks, listener, tcp_nodelay=True, queue_size=1),
             rospy.Publisher('descriptors', Descriptors, listener, tcp_nodelay=True, queue_size=1))
-        rospy.Subscriber('mask', Image, self._take_mask, queue_size=1, buff_size=1 << 24)
-        rospy.Subscriber('camera_info', CameraInfo, self._take_camera_info, queue_size=1)
+        limit = most_megapixels()
+        subscribe('mask', Image, self._take_mask, limit, queue_size=1, buff_size=1 << 24)
+        subscribe('camera_info', CameraInfo, self._take_camera_info, limit, queue_size=1)
         rospy.Service('detect', Detect, self._detect)
 
     def listeners(self) -> int:

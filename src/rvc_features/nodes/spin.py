@@ -13,7 +13,7 @@ import rospy
 import yaml
 
 from rvc_features.brief import cut, shown
-from rvc_features.nodes.library_log import library_log
+from rvc_features.nodes.library_log import RosLog, library_log
 from rvc_features.reconfigure import warn_of_refused
 
 
@@ -47,6 +47,7 @@ def spin(name: str, node: Callable[[], Any], anonymous: bool = False) -> int:
             return 0
         rospy.logfatal(f'{name} can not start: {type(error).__name__}: {cut(str(error))}')
         return 1
+    RosLog().install()
     logger = logging.getLogger('rvc_features')
     logger.addHandler(library_log())
     logger.propagate = False
