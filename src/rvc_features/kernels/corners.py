@@ -80,14 +80,13 @@ def corners(image: np.ndarray, harris_k: float, minimum: float, border: int = 0,
 
     def above(bound: np.float32, strongest: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         found = in_bands(lambda first, last: _corners(image, mask, k, border, bound, strongest, of_least,
-                                                      np.array([first]), last - first), height, width)
+                                                      first, last - first, 1), height, width)
         return found[0][:3] if len(found) == 1 else tuple(np.concatenate(parts) for parts in list(zip(*found))[:3])
 
     bound, sample = least, _STRIPES * _STRIPE
     among = 1 if number is None else 3 * number * sample // (2 * height) + 16
     if 4 * sample < height and of_least > 0:
-        starts = (2 * np.arange(_STRIPES) + 1) * (height - _STRIPE) // (2 * _STRIPES)
-        bound = np.float32(_corners(image, mask, k, border, least, among, of_least, starts, _STRIPE)[3])
+        bound = np.float32(_corners(image, mask, k, border, least, among, of_least, 0, _STRIPE, _STRIPES)[3])
         if number is not None:
             # It is that of half as many more as there should be, for corners gather: most guesses are right then.
             found = above(bound, 0)
@@ -97,15 +96,17 @@ def corners(image: np.ndarray, harris_k: float, minimum: float, border: int = 0,
 
 
 @kernel
-def _corners(image, mask, harris_k, border, bound, among, share, starts, rows):
-    """Those in so many rows from each of `starts` on, which rise: x, y and response; and the bound at the end.
+def _corners(image, mask, harris_k, border, bound, among, share, first, rows, stripes):
+    """Those in some rows: x, y and response; and the bound at the end. Of several stripes, spread over the image,
+    those in the last one.
 
     It is the response of number `among` of the strongest, times `share`, or the bound at the beginning.
     """
     strongest = np.full(among, -np.inf, np.float32)
     buffers = _buffers(image.shape[1])
     places, values = np.empty(0, np.int64), np.empty(0, np.float32)
-    for start in starts:
+    for stripe in range(stripes):
+        start = first if stripes == 1 else (2 * stripe + 1) * (image.shape[0] - rows) // (2 * stripes)
         places, values = _scan(image, mask, harris_k, border, bound, strongest, share, start, start + rows, buffers)
         if among > 0:
             bound = max(bound, share * strongest[0])

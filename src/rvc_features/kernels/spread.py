@@ -71,13 +71,14 @@ def _reach_largest_radius(points, responses, robustness, count):
     stride = columns + 2 * LANES   # room to read beyond either end
     grid = np.full(rows * stride, -np.inf)
     cell_of, starts = np.empty(size, np.int32), np.zeros(rows * stride + 1, np.int32)
+    strongest_in = np.empty(rows * stride, np.int32)
     for i in range(size):
         column, row = np.int64((points[i, 0] - left) * per_pixel), np.int64((points[i, 1] - top) * per_pixel)
         cell = row * stride + LANES + column
         cell_of[i] = cell
         starts[cell + 1] += 1
         if power[i] > grid[cell]:
-            grid[cell] = power[i]
+            grid[cell], strongest_in[cell] = power[i], i
     by_cell = np.empty((0, 3), np.float64)
 
     chosen, radii, known = np.empty(size, np.int64), np.empty(size, np.float64), np.full(size, np.inf)
@@ -103,6 +104,12 @@ def _reach_largest_radius(points, responses, robustness, count):
                 if known[i] < wanted:   # a bound on the radius, from an attempt before
                     continue
                 if not is_exact[i]:
+                    other = strongest_in[cell_of[i]]
+                    if power[other] > responses[i]:
+                        known[i] = np.sqrt((points[other, 0] - points[i, 0]) ** 2
+                                           + (points[other, 1] - points[i, 1]) ** 2)
+                        if known[i] < wanted:
+                            continue
                     known[i], seen = _nearest_stronger(points[i, 0], points[i, 1], responses[i], cell_of[i], wanted,
                                                        side, rows, stride, grid, starts, by_cell)
                     is_exact[i] = known[i] >= wanted
