@@ -32,9 +32,7 @@ class HarrisDetector(FeatureDetector):
     `KeyPoint.pt` and `.size` are in pixels of the full image whatever the octave; `.size` is the side of the window,
     `.response` is what points are ranked by, `.octave` counts from 0.
 
-    Parameters
-    ----------
-    See the fields below; ranges and meanings stand with each. `parameters.specifications(HarrisDetector)` lists them.
+    Its parameters are the fields below; range and meaning stand with each, and `parameters.specifications` lists them.
 
     Raises
     ------

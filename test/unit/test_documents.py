@@ -61,3 +61,20 @@ def test_links_in_installed_documents_lead_to_what_is_installed():
             if not (ROOT / target).exists() or not {str(target), target.parts[0]} & {*folders, *files}:
                 missing.append((path.name, link))
     assert missing == []
+
+
+def test_the_reference_has_every_tool_message_and_configuration():
+    tools, nodes = ((ROOT / 'docs' / 'reference' / f'{name}.md').read_text() for name in ('tools', 'nodes'))
+    assert set(re.findall(r'^```\{help\} (\w+)$', tools, re.MULTILINE)) == {
+        path.name for path in (ROOT / 'scripts').iterdir() if path.is_file()}
+    assert set(re.findall(r'\{literalinclude\} \.\./\.\./((?:msg|srv)/\S+)', nodes)) == {
+        str(path.relative_to(ROOT)) for folder in ('msg', 'srv') for path in (ROOT / folder).iterdir()}
+    assert set(re.findall(r'^```\{dynamic\} (\w+)$', nodes, re.MULTILINE)) == {
+        path.stem for path in (ROOT / 'cfg').glob('*.cfg')}
+
+
+def test_the_reference_has_every_detector():
+    from rvc_features import detectors
+    nodes = (ROOT / 'docs' / 'reference' / 'nodes.md').read_text()
+    own = {name for name in detectors.names() if detectors.get(name).__module__.startswith('rvc_features.')}
+    assert set(re.findall(r'^```\{fields\} (\w+)$', nodes, re.MULTILINE)) == own
