@@ -4,6 +4,7 @@
 import contextlib
 import errno
 import gc
+import http.server
 import io
 import logging
 import os
@@ -410,6 +411,29 @@ class ImageTransportTest(unittest.TestCase):
                 heard = b''.join(iter(lambda connection=connection: connection.recv(1000), b''))
             assert b'document type' in heard or b' 413 ' in heard or b' 500 ' in heard, heard[:300]
         assert xmlrpc.client.ServerProxy(uri).getPid('/test') == [1, '', os.getpid()]
+
+    def test_publishers_that_can_not_be_reached_are_not_tried_for_ever(self):
+        """Each cost a thread for good, and one more each time that somebody subscribed or the list changed."""
+        refuses = http.server.HTTPServer(('localhost', 0), http.server.BaseHTTPRequestHandler)   # any POST, with 501
+        refuses.RequestHandlerClass.log_message = lambda *_: None
+        self.addCleanup(refuses.server_close)
+        self.addCleanup(refuses.shutdown)
+        threading.Thread(target=refuses.serve_forever, daemon=True).start()
+        subscriber, _ = self.subscribe('unreachable')
+
+        def attempts():
+            targets = [getattr(thread, '_target', None) for thread in threading.enumerate()]
+            return sum(getattr(target, '__name__', '') == '_connect_topic_thread' for target in targets)
+
+        node = xmlrpc.client.ServerProxy(rospy.core.get_node_uri())
+        uris = [f'http://localhost:{refuses.server_port}/RPC2?{number}' for number in range(5)]
+        for _ in range(3):
+            node.publisherUpdate('/master', '/unreachable', uris)
+        wait_until(lambda: attempts() == len(uris), 'tried, each once')
+        node.publisherUpdate('/master', '/unreachable', uris[:1])
+        wait_until(lambda: attempts() == 1, 'only the one that is left')
+        subscriber.shutdown()
+        wait_until(lambda: attempts() == 0, 'none that nobody wants')
 
     def test_a_process_without_descriptors_accepts_connections_again_when_it_has_some(self):
         publisher = self.advertise('exhausted', transports=['raw'])

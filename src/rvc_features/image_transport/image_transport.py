@@ -10,6 +10,7 @@ import rospy
 
 from rvc_features.brief import shown
 from rvc_features.image_transport import transports as known
+from rvc_features.image_transport.attempts import limit_attempts
 from rvc_features.image_transport.handshakes import limit_handshakes
 from rvc_features.image_transport.publisher import Publisher
 from rvc_features.image_transport.remote_calls import limit_remote_calls
@@ -51,6 +52,7 @@ class ImageTransport:
     """
 
     def __init__(self) -> None:
+        limit_attempts()
         limit_remote_calls()
         limit_handshakes(lambda: most_message_bytes(most_megapixels()))
 
