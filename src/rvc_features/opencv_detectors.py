@@ -113,8 +113,9 @@ class OrbDetector(_OpenCVDetector):
 
     def create(self, shape: tuple[int, ...], count: int) -> cv2.Feature2D:
         score = cv2.ORB_HARRIS_SCORE if self.score == 'harris' else cv2.ORB_FAST_SCORE
-        # OpenCV fails on levels without pixels.
-        most = 1 + int(np.log(min(shape)) / np.log(self.scale_factor))
-        return cv2.ORB_create(nfeatures=count, scaleFactor=self.scale_factor,
+        # OpenCV takes a float, which must be above 1, too, and fails on levels without pixels.
+        ratio = max(self.scale_factor, 1 + float(np.finfo(np.float32).eps))
+        most = 1 + int(np.log(min(shape)) / np.log(ratio))
+        return cv2.ORB_create(nfeatures=count, scaleFactor=ratio,
                               nlevels=min(self.levels, most), edgeThreshold=self.edge_threshold, scoreType=score,
                               fastThreshold=self.fast_threshold)

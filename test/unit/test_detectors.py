@@ -113,3 +113,12 @@ def test_strength_of_good_features_to_track_is_that_of_the_map(use_harris):
     assert (points['response'] > 0).all()
     np.testing.assert_array_equal(points['response'],
                                   detector.response_map(image)[points['y'].astype(int), points['x'].astype(int)])
+
+
+def test_a_ratio_that_a_float_can_not_tell_from_1_is_no_error(monkeypatch):
+    """OpenCV 4.14 refuses it, which older ones take."""
+    given = []
+    create = cv2.ORB_create
+    monkeypatch.setattr(cv2, 'ORB_create', lambda **options: given.append(options) or create(**options))
+    detectors.create('orb', scale_factor=1 + 1e-15, edge_threshold=5).detect_arrays(texture((60, 80)))
+    assert np.float32(given[0]['scaleFactor']) > 1
