@@ -4,10 +4,12 @@
 import contextlib
 import io
 import os
+import queue
 import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 import unittest
 from pathlib import Path
@@ -23,6 +25,7 @@ from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import Image
 
 from rvc_features import detectors
+from rvc_features.demo.play import _Session
 from rvc_features.image_transport.messages import to_array
 from rvc_features.recordings import make_bag, unmake_bag
 from rvc_features.recordings.bags import BagImages
@@ -223,6 +226,25 @@ class TestTools(unittest.TestCase):
         refused = run('demo', '--bag', self.bag, '--topic', '/nothing', '--output', str(output))
         self.assertEqual(refused.returncode, 2)
         self.assertIn('its image topics: /mine', refused.stderr)
+
+    def test_the_demo_holds_the_player_back_for_a_slow_node(self):
+        session = _Session.__new__(_Session)
+        session._changed, session._over, session._on_their_way = threading.Condition(), False, 0
+        calls = queue.Queue()
+        session._pause = calls.put
+        holding = threading.Thread(target=session._hold_back, daemon=True)
+        holding.start()
+        for on_their_way, call in ((1, None), (2, True), (1, None), (0, False), (1, None)):
+            with session._changed:
+                session._on_their_way = on_their_way
+                session._changed.notify_all()
+            if call is not None:
+                self.assertEqual(calls.get(timeout=SECONDS), call)
+        with session._changed:
+            session._over = True
+            session._changed.notify_all()
+        holding.join(SECONDS)
+        self.assertEqual((holding.is_alive(), calls.empty()), (False, True))
 
     def test_the_demo_ends_at_once_and_is_alone_in_its_folder(self):
         self.make_bag('--rate', '0.1')   # it plays for much longer than a second demo takes to start on a busy machine

@@ -84,7 +84,9 @@ def told(capfd):
     def run(main, *arguments):
         capfd.readouterr()
         status = main([str(argument) for argument in arguments])
-        return status, capfd.readouterr().err
+        # OpenCV 4.2 (Noetic) prints what it meets whatever its log level.
+        lines = capfd.readouterr().err.splitlines(keepends=True)
+        return status, ''.join(line for line in lines if not line.startswith('imdecode_('))
     return run
 
 
@@ -165,6 +167,8 @@ def no_waiting():
 @pytest.mark.usefixtures('no_waiting')
 @pytest.mark.parametrize('name', ['image.png', 'video.avi', 'recording.bag', 'H.txt', 'detectors.yaml', 'camera.yaml'])
 def test_a_pipe_is_not_waited_for(whole, tmp_path, told, name):
+    if name.endswith('.bag'):
+        pytest.importorskip('rosbag', reason='ROS is not installed')
     os.mkfifo(tmp_path / name)
     for other in ('image.png', 'other.png', 'H.txt'):
         if not (tmp_path / other).exists():

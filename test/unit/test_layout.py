@@ -141,3 +141,34 @@ def test_each_kernel_has_a_reference_and_a_test(path, name, text):
     called = [{part.attr for part in ast.walk(test) if isinstance(part, ast.Attribute)}
               | {part.id for part in ast.walk(test) if isinstance(part, ast.Name)} for test in tests]
     assert any({name, reference} <= names for names in called), f'no test compares {name} with {reference}'
+
+
+class Subscripts(ast.NodeVisitor):
+    """Lines where `set[str]` and the like are evaluated, and not only an annotation."""
+
+    def __init__(self):
+        self.lines = []
+
+    def visit_AnnAssign(self, node):
+        if node.value is not None:
+            self.visit(node.value)
+
+    def visit_arg(self, node):
+        pass
+
+    def visit_FunctionDef(self, node):
+        for part in [*node.decorator_list, node.args, *node.body]:
+            self.visit(part)
+
+    def visit_Subscript(self, node):
+        if isinstance(node.value, ast.Name) and node.value.id in ('set', 'frozenset', 'list', 'dict', 'tuple', 'type'):
+            self.lines.append(node.lineno)
+        self.generic_visit(node)
+
+
+@pytest.mark.parametrize('path', FILES, ids=module_of)
+def test_python_3_8_can_run_it(path):
+    """That of ROS Noetic, where the built-in types take no subscript."""
+    subscripts = Subscripts()
+    subscripts.visit(ast.parse(path.read_text(), feature_version=(3, 8)))
+    assert subscripts.lines == []

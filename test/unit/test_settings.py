@@ -58,6 +58,11 @@ def test_all_ways_to_save_read_the_same(tmp_path, text, node):
     assert settings.read(file, node) == VALUES
 
 
+def test_values_with_an_underscore_need_no_quotes():
+    assert settings.parse('fast_type: 5_8\nthreshold: 0.02\nnumber_of_points: 1200\n') == {
+        'fast_type': '5_8', 'threshold': 0.02, 'number_of_points': 1200}
+
+
 def test_no_code_is_run(tmp_path):
     file, victim = tmp_path / 'evil.yaml', tmp_path / 'victim'
     file.write_text(f'threshold: !!python/object/apply:os.mkdir ["{victim}"]')

@@ -38,7 +38,8 @@ def launched(bags: Sequence[Path], base_topic: str, transport: str, view: bool,
         process = subprocess.Popen(
             ['roslaunch', '--wait', 'rvc_features', 'demo.launch', f'in:={base_topic}',
              f'image_transport:={transport}', f'view:={str(view).lower()}', 'paused:=true', 'bags:=' + ' '.join(links)],
-            stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True, preexec_fn=_end_with_the_parent)
+            stdin=subprocess.DEVNULL, stdout=file, stderr=file, start_new_session=True, preexec_fn=_end_with_the_parent,
+            env={**os.environ, 'PYTHONUNBUFFERED': '1'})   # or the log of a roslaunch that is stopped stays empty
         try:
             yield process
         finally:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import subprocess
 import threading
 import time
@@ -70,11 +71,13 @@ class _Session:
     def __init__(self, base_topic: str, transport: str, recording: Recorder, launch: subprocess.Popen) -> None:
         self._recording = recording
         self._launch = launch
+        self._pause = rospy.ServiceProxy('/player/pause_playback', SetBool)
         self._base_topic = base_topic
         self._transport = transport
         self._changed = threading.Condition()
         self._playing: Phase | None = None       # the phase in force, of what is played
         self._total_in = 0
+        self._on_their_way = 0                   # frames that went in and have not come out yet
         self._newest_in = self._newest_out = None
         self._over = False
         self._shown_pictures: dict[genpy.Time, float] = {}    # when they came
@@ -122,13 +125,14 @@ class _Session:
             self._base_topic, self._image_came_in, queue_size=100, decode=False,
             transport_hints=TransportHints(self._transport, parameter_name='demo_transport'))
         self._subscribers.append(image_in)
+        threading.Thread(target=self._hold_back, daemon=True).start()
         ends = np.cumsum([phase.frames for phase in phases]).tolist()
         for number, (phase, end) in enumerate(zip(phases, ends)):
             self._configure(phase)
             with self._changed:
                 self._playing = phase
             if number == 0:
-                rospy.ServiceProxy('/player/pause_playback', SetBool)(False)
+                self._pause(False)
             with self._changed:
                 self._wait_until(lambda: self._total_in >= end)   # noqa: B023, used in this round only
                 last = self._newest_in
@@ -144,6 +148,20 @@ class _Session:
     def _configure(self, phase: Phase) -> None:
         self._client.update_configuration({**self._defaults, **phase.changes})
 
+    def _hold_back(self) -> None:
+        """Let the player wait while two frames are on their way: of three, a node that is slow just then drops one."""
+        while True:
+            with self._changed:
+                self._changed.wait_for(lambda: self._over or self._on_their_way >= 2)
+                if self._over:
+                    return
+            with contextlib.suppress(rospy.ServiceException):   # it has played everything, and is gone
+                self._pause(True)
+                with self._changed:
+                    self._changed.wait_for(lambda: self._over or self._on_their_way == 0, _GRACE)
+                    self._on_their_way = 0   # what has not come by now does not come at all
+                self._pause(False)
+
     def _watch(self) -> None:
         self._launch.wait()
         with self._changed:
@@ -156,6 +174,7 @@ class _Session:
                 return
             self._playing.frames_in += 1
             self._total_in += 1
+            self._on_their_way += 1
             self._newest_in = message.header.stamp
             self._changed.notify_all()
 
@@ -179,6 +198,7 @@ class _Session:
             elif self._playing is not None:
                 self._playing.frames_out += 1
                 self._newest_out = message.header.stamp
+                self._on_their_way = max(self._on_their_way - 1, 0)
                 self._recording.picture(message, to_array(message, 'bgr8'))
             self._changed.notify_all()
 

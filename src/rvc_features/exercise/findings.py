@@ -65,7 +65,8 @@ def explain(seen: Seen, ask: Callable[[Question], Any]) -> Explanation:
     bases: list[type[Reference]] = [Reference, *LEGAL]
     base = min(bases, key=lambda legal: len(_failed(seen, legal)))      # of equals the first
     failed = _failed(seen, base)
-    left, hinging = list(failed), set[str]()
+    left = list(failed)
+    hinging: set[str] = set()
     findings: list[Finding] = []
     first = [name for name in failed if name in FIRST]
     if first:

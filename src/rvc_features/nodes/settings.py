@@ -24,7 +24,10 @@ class SettingsError(Exception):
 
 
 class _Loader(yaml.SafeLoader):
-    """Safe, and reads objects that dynamic_reconfigure dumped as what they hold."""
+    """Safe, reads objects that dynamic_reconfigure dumped as what they hold, and 5_8 as text, which YAML has for 58."""
+
+    def construct_yaml_int(self, node: yaml.Node) -> Any:
+        return node.value if '_' in node.value else super().construct_yaml_int(node)
 
 
 def _dumped_object(loader: _Loader, kind: str, node: yaml.Node) -> Any:
@@ -35,6 +38,7 @@ def _dumped_object(loader: _Loader, kind: str, node: yaml.Node) -> Any:
     return loader.construct_scalar(node)
 
 
+_Loader.add_constructor('tag:yaml.org,2002:int', _Loader.construct_yaml_int)
 _Loader.add_multi_constructor('tag:yaml.org,2002:python/', _dumped_object)
 
 
