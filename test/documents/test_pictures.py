@@ -15,8 +15,9 @@ from rvc_features.drawing import draw_key_points
 from rvc_features.exercise.mistakes import TABLE
 
 
-@pytest.mark.parametrize('name', list(TABLE))
-def test_every_mistake_has_a_picture_and_a_sentence(name):
+# One that shows in the places of points, one in the rays, one in the circles; the build of the site draws the others.
+@pytest.mark.parametrize('name', ['trace not squared', 'angle mirrored', 'octave not set'])
+def test_mistakes_have_a_picture_and_a_sentence(name):
     picture, sentence = drawings.mistake(name)
     assert sentence in {' '.join(way.__doc__.split()) for way in TABLE[name]}
     assert min(picture.shape[:2]) > 150
