@@ -15,6 +15,9 @@ from rvc_features.response import BORDER
 RUN = 64           # pixels of a row that one estimate of the noise is averaged over
 QUIET = 0.2        # share of the runs that are less noisy than what counts as the image's noise
 SIGMAS = 16, 64    # pixels: widths of the two neighbourhoods whose energies are averaged
+SIDE = 8           # pixels: of the squares that the narrower one is computed on
+FACTORS = tuple(sigma // SIGMAS[0] for sigma in SIGMAS)
+WEIGHTS = cv2.getGaussianKernel(17, SIGMAS[0] / SIDE, cv2.CV_32F).ravel()[8:]   # of squares, from the centre outwards
 
 
 def noise(image: np.ndarray) -> float:
@@ -65,16 +68,21 @@ def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     ndarray, float64, shape (N,)
         In squared grey values per squared pixel.
     """
-    side = SIGMAS[0] // 2
     vectors = compiler.available() and image.shape[1] >= compiler.LEAST_WIDTH
-    sums = (compiled.energy_of_cells if vectors else reference_energy_of_cells)(image, side)
+    sums = (compiled.energy_of_cells if vectors else reference_energy_of_cells)(image, SIDE)
     x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+    if compiler.available():
+        return compiled.energy_at(sums, *image.shape, SIDE, FACTORS, WEIGHTS, x, y)
+    return reference_energy_at(sums, image.shape, x, y)
+
+
+def reference_energy_at(sums: np.ndarray, shape: tuple[int, ...], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """`local_energy` of an image of that shape out of the sums over its squares."""
     energy = np.ones(len(x))
-    for sigma in SIGMAS:
-        factor = sigma // SIGMAS[0]
-        means = _means_of_cells(sums, factor, side, image.shape)
-        average = cv2.GaussianBlur(means, (0, 0), 2, borderType=BORDER)
-        energy *= between(average, (x + 0.5) / (factor * side) - 0.5, (y + 0.5) / (factor * side) - 0.5)
+    for factor in FACTORS:
+        means = _means_of_cells(sums, factor, SIDE, shape)
+        average = cv2.GaussianBlur(means, (0, 0), SIGMAS[0] / SIDE, borderType=BORDER)
+        energy *= reference_bilinear(average, (x + 0.5) / (factor * SIDE) - 0.5, (y + 0.5) / (factor * SIDE) - 0.5)
     return np.sqrt(energy)
 
 
@@ -85,15 +93,12 @@ def between(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
 
 def _means_of_cells(sums: np.ndarray, factor: int, side: int, shape: tuple[int, ...]) -> np.ndarray:
     """Means, float32, in squares of `factor` by `factor` cells; squares at the rim may be cut off."""
-    rows, columns = (-(-cells // factor) for cells in sums.shape)
-    below, right = rows * factor - sums.shape[0], columns * factor - sums.shape[1]
+    starts = [np.arange(0, cells, factor) for cells in sums.shape]
+    counted = (np.arange(shape[0]) % 2 == 0).astype(np.int64), np.ones(shape[1], np.int64)
+    pixels = [np.add.reduceat(count, start * side) for count, start in zip(counted, starts)]
     if factor > 1:
-        whole = cv2.copyMakeBorder(sums, 0, below, 0, right, cv2.BORDER_CONSTANT)   # of zeros
-        sums = cv2.resize(whole, (columns, rows), interpolation=cv2.INTER_AREA) * factor ** 2
-    height = np.full((rows, 1), factor * side // 2, np.float32)   # of every second row
-    width = np.full(columns, factor * side, np.float32)
-    height[-1], width[-1] = (shape[0] + 1) // 2 - height[:-1].sum(), shape[1] - width[:-1].sum()
-    return sums.astype(np.float32) * (1 / height) * (1 / width)
+        sums = np.add.reduceat(np.add.reduceat(sums, starts[0], axis=0), starts[1], axis=1)
+    return (sums / np.outer(*pixels)).astype(np.float32)
 
 
 def reference_energy_of_cells(image: np.ndarray, side: int) -> np.ndarray:

@@ -1,4 +1,4 @@
-"""Energy and noise of whole images in one pass each; reference: contrast.py."""
+"""Energy and noise of whole images in one pass each, and energy at points; reference: contrast.py."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ if installed:
         load_half,
         maximum,
         products_of_pairs,
+        splat,
         store,
         sum_of,
     )
@@ -113,16 +114,72 @@ def _noise_of_runs(image, run, pixel, number):
 
 
 @kernel
+def energy_at(sums, height, width, side, factors, weights, x, y):
+    """Energy round points of an image of that size out of sums over squares; reference: `contrast.reference_energy_at`.
+
+    `weights` are those of the Gaussian along one direction, from its centre outwards.
+    """
+    energy = np.ones(len(x), np.float64)
+    for factor in factors:
+        average = _averages(sums, height, width, side, factor, weights)
+        for i in range(len(x)):
+            energy[i] *= _between(average, (x[i] + 0.5) / (factor * side) - 0.5, (y[i] + 0.5) / (factor * side) - 0.5)
+    for i in range(len(x)):
+        energy[i] = np.sqrt(energy[i])   # of two factors
+    return energy
+
+
+@kernel
+def _averages(sums, height, width, side, factor, weights):
+    """Means over squares of `factor` by `factor` cells, of every second row, under a Gaussian."""
+    rows, columns = -(-sums.shape[0] // factor), -(-sums.shape[1] // factor)
+    radius, of_square = len(weights) - 1, factor * side
+    lead = row_lead(radius)
+    length = row_length(columns, lead)
+    means, row, average = zeros(rows * length, weights), zeros(length, weights), zeros(rows * length, weights)
+    for i in range(rows):
+        start = i * length
+        for cell_row in range(i * factor, min((i + 1) * factor, sums.shape[0])):
+            for j in range(columns):
+                for cell in range(j * factor, min((j + 1) * factor, sums.shape[1])):
+                    means[start + j] += sums[cell_row, cell]
+        share = 1 / (((min(height, (i + 1) * of_square) + 1) // 2 - i * of_square // 2) * of_square)
+        for j in range(columns):
+            means[start + j] *= share
+        means[start + columns - 1] *= of_square / (width - (columns - 1) * of_square)
+    for i in range(rows):
+        for j in range(0, columns, LANES):
+            total = splat(weights[0]) * load(means, i * length + j)
+            for k in range(1, radius + 1):
+                above, below = reflect(i - k, rows) * length, reflect(i + k, rows) * length
+                total += splat(weights[k]) * (load(means, above + j) + load(means, below + j))
+            store(row, lead + j, total)
+        reflect_ends(row, lead, columns, radius)
+        for j in range(0, columns, LANES):
+            total = splat(weights[0]) * load(row, lead + j)
+            for k in range(1, radius + 1):
+                total += splat(weights[k]) * (load(row, lead + j - k) + load(row, lead + j + k))
+            store(average, i * length + j, total)
+    return average.reshape((rows, length))[:, :columns]
+
+
+@kernel
 def bilinear(values, x, y):
     """Values between the pixels; reference: `contrast.reference_bilinear`."""
-    height, width = values.shape
     result = np.empty(len(x), np.float64)
     for i in range(len(x)):
-        u, v = min(max(x[i], 0.0), width - 1.0), min(max(y[i], 0.0), height - 1.0)
-        left, top = int(u), int(v)
-        right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
-        u, v = u - left, v - top
-        above = np.float64(values[top, left]) * (1 - u) + np.float64(values[top, right]) * u
-        below = np.float64(values[bottom, left]) * (1 - u) + np.float64(values[bottom, right]) * u
-        result[i] = above * (1 - v) + below * v
+        result[i] = _between(values, x[i], y[i])
     return result
+
+
+@kernel
+def _between(values, x, y):
+    """The value between the pixels; beyond the rim the nearest pixel counts."""
+    height, width = values.shape
+    x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)
+    left, top = int(x), int(y)
+    right, bottom = min(left + 1, width - 1), min(top + 1, height - 1)
+    x, y = x - left, y - top
+    above = values[top, left] * (1 - x) + values[top, right] * x
+    below = values[bottom, left] * (1 - x) + values[bottom, right] * x
+    return above * (1 - y) + below * y

@@ -47,7 +47,9 @@ def compile_all() -> float:
             scale = ones[:count], ones[:4], 1.0
             two_scales.strength(image, ones, scale, scale)
         contrast.noise_of_runs(image, 16)
-        contrast.bilinear(contrast.energy_of_cells(image, 8).astype(np.float32), np.ones(1), np.ones(1))
+        energy = contrast.energy_of_cells(image, 8)
+        contrast.energy_at(energy, *image.shape, 8, (1, 4), np.ones(9, np.float32), np.ones(1), np.ones(1))
+        contrast.bilinear(np.ones((2, 2), np.float32), np.ones(1), np.ones(1))
         x, y = maxima.refine(values, *maxima.local_maxima(values, 10.0))
         table = np.ones((2, 16), np.float32)
         orientation.smoothed_gradients(image, x, y, 11, table, table)
