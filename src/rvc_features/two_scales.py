@@ -95,7 +95,7 @@ def strength_and_maximum(image: np.ndarray, window_size: int = 5, window: str = 
     `out`, where it is given (float32, contiguous, of the image's shape), is what holds the strength afterwards.
     """
     if image.size >= _LEAST_PIXELS and image.shape[1] >= 2 * compiler.LEAST_WIDTH and compiler.available():
-        return compiled.strength(image, *_taps(window_size, window), out)
+        return compiled.strength(image, _weights(window_size, window, image.dtype), out)
     strength = reference_two_scales(image, window_size, window).astype(np.float32, order='C')
     if out is not None:
         out[:] = strength
@@ -194,7 +194,7 @@ def least_strength(minimum_contrast: float, noise: float, largest: float) -> flo
 
 
 @functools.lru_cache(maxsize=64)
-def _taps(window_size: int, window: str) -> tuple[np.ndarray, compiled.Taps, compiled.Taps]:
+def _weights(window_size: int, window: str, dtype: np.dtype) -> compiled.Weights:
     """What the compiled kernel takes: weights from their centre outwards, of binomials as whole numbers."""
     def outwards(weights: np.ndarray) -> np.ndarray:
         return weights[len(weights) // 2:]
@@ -204,7 +204,7 @@ def _taps(window_size: int, window: str) -> tuple[np.ndarray, compiled.Taps, com
                 outwards(without_tails(binomial(scale.further)) * 2 ** scale.further),
                 scale.saddle * (scale.smoothing + scale.further) / 4)
 
-    return outwards(binomial(HALVING) * 2 ** HALVING), of(FINE), of(COARSE)
+    return compiled.weights(outwards(binomial(HALVING) * 2 ** HALVING), of(FINE), of(COARSE), dtype)
 
 
 _LEAST_PIXELS = 1024   # in smaller images single precision may be too little beside the largest strength

@@ -62,7 +62,8 @@ def test_strength_kernel_equals_reference(shape, window):
         for window_size in (3, 5, 9, 31) if shape == (41, 203) else (5, 9):
             expected = reference_two_scales(image, window_size, window)
             scales = [taps(scale, window_size, window) for scale in (FINE, COARSE)]
-            strength, largest = compiled_two_scales.strength(image, outwards(binomial(HALVING) * 2**HALVING), *scales)
+            weights = compiled_two_scales.weights(outwards(binomial(HALVING) * 2**HALVING), *scales, image.dtype)
+            strength, largest = compiled_two_scales.strength(image, weights)
             assert strength.shape == shape, name
             assert strength.dtype == np.float32
             assert_equal_strength(strength, expected)
@@ -94,10 +95,10 @@ def test_strength_is_written_where_it_is_told():
 
 
 def test_too_narrow_for_the_kernel_is_an_error():
-    weights = np.array([2.0, 1.0])
+    ones = np.ones(2)
+    weights = compiled_two_scales.weights(ones, (ones, ones, 1.0), (ones, ones, 1.0), np.uint8)
     with pytest.raises(ValueError, match='at least 36 pixels wide; got 35'):
-        compiled_two_scales.strength(np.zeros((100, 35), np.uint8), weights, (weights, weights, 1.0),
-                                     (weights, weights, 1.0))
+        compiled_two_scales.strength(np.zeros((100, 35), np.uint8), weights)
 
 
 @pytest.mark.parametrize('shape', [(1, 1), (1, 9), (9, 1), (2, 2), (31, 35), (200, 5)])

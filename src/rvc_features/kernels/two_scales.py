@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Any, Tuple
+from typing import Any, NamedTuple, Tuple
 
 import numpy as np
 
 from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
 from rvc_features.kernels.resampling import enlarge_row, halve
 from rvc_features.kernels.rows import reflect, reflect_ends, row_lead, row_length, zeros
+from rvc_features.kernels.smoothing import in_pairs, smooth_row, widen_by_pairs, widen_columns, widen_row
 
 if installed:
     from rvc_features.kernels.vectors import (
         LANES,
-        converted,
-        interleaved_first,
-        interleaved_second,
         load,
         maximum,
-        products_of_pairs,
         quotient,
         splat,
         square_root,
@@ -35,8 +32,43 @@ Taps = Tuple[np.ndarray, np.ndarray, float]
 _USUAL = 3   # radius of the usual window at either scale
 
 
-def strength(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse: Taps,
-             out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
+class Weights(NamedTuple):
+    """What the kernels take for images of one type, ready made, for that takes as long as many rows; see `weights`."""
+
+    halving: tuple[Any, ...]
+    half: np.ndarray
+    coarse: tuple[Any, ...]
+    reach: int
+    fine: tuple[Any, ...]
+
+
+def weights(halving: np.ndarray, fine: Taps, coarse: Taps, dtype: Any) -> Weights:
+    """Weights as `strength` takes them.
+
+    Parameters
+    ----------
+    halving : ndarray, float64
+        Weights of the binomial before every second pixel is taken, from its centre outwards; whole numbers.
+    fine, coarse : tuple
+        Of either scale: the window's weights and those of the binomial before the second derivatives, likewise, the
+        latter whole numbers; and the weight of the determinant of these.
+    dtype : dtype
+        Of the images: uint8 or float32.
+    """
+    total = int(_total(halving) ** 2)
+    exact = np.dtype(dtype) == np.uint8
+    if exact:
+        unit, column, row, half, smooth, wide = total, _UINT16, _FLOAT32, _INT32, _INT16, _INT32
+    else:
+        unit, column, row, half, smooth, wide = 1, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64
+    return Weights(
+        (halving.astype(column.dtype), halving.astype(row.dtype), (0,) * (len(halving) - 1),
+         row.dtype.type(unit / total)),
+        half, (half, *_scaled(coarse, unit, _FLOAT64, exact), None), max(len(coarse[0]), len(coarse[1])) + 1,
+        (smooth, *_scaled(fine, 1, wide, exact), in_pairs(fine[1]) if exact else None))
+
+
+def strength(image: np.ndarray, weights: Weights, out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """Strength at two scales and its largest value; reference: `two_scales.reference_two_scales`.
 
     Each scale takes one pass, row by row. Of uint8 images gradients and second derivatives are exact. What is smoothed
@@ -48,11 +80,8 @@ def strength(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse: Taps,
     ----------
     image : ndarray, uint8 or float32, shape (H, W)
         At least 2 `LEAST_WIDTH` wide.
-    halving : ndarray, float64
-        Weights of the binomial before every second pixel is taken, from its centre outwards; whole numbers.
-    fine, coarse : tuple
-        Of either scale: the window's weights and those of the binomial before the second derivatives, likewise, the
-        latter whole numbers; and the weight of the determinant of these.
+    weights : Weights
+        Those for the image's type.
     out : ndarray, float32, shape (H, W), contiguous, optional
         Where to write the strength.
     """
@@ -61,31 +90,19 @@ def strength(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse: Taps,
     if width < 2 * LEAST_WIDTH:
         raise ValueError(f'image must be at least {2 * LEAST_WIDTH} pixels wide; got {width}')
     strength = np.empty((height, width), np.float32) if out is None else out
-    largest = in_bands(lambda first, last: _strength_of_rows(image, halving, fine, coarse, strength, first, last),
-                       height, width)
+    largest = in_bands(lambda first, last: _strength_of_rows(image, weights, strength, first, last), height, width)
     return strength, max(largest)
 
 
-def _strength_of_rows(image: np.ndarray, halving: np.ndarray, fine: Taps, coarse: Taps, out: np.ndarray,
-                      first: int, last: int) -> float:
+def _strength_of_rows(image: np.ndarray, weights: Weights, out: np.ndarray, first: int, last: int) -> float:
     """Fill in the rows from `first` to before `last`; returns the largest value in them."""
     height, width = (image.shape[0] + 1) // 2, (image.shape[1] + 1) // 2   # of the half-size image
-    total = int(_total(halving) ** 2)
-    exact = image.dtype == np.uint8
-    if exact:
-        unit, column, row, half_type, smooth, wide = total, _UINT16, _FLOAT32, _INT32, _INT16, _INT32
-    else:
-        unit, column, row, half_type, smooth, wide = 1, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64
     first_half, last_half = max(0, first // 2 - 1), min(height, (last - 1) // 2 + 3)
-    reach = max(len(coarse[0]), len(coarse[1])) + 1
-    half = np.empty((height, width), half_type.dtype)
-    halve(image, halving.astype(column.dtype), halving.astype(row.dtype), (0,) * (len(halving) - 1),
-          row.dtype.type(unit / total), half, max(0, first_half - reach), min(height, last_half + reach))
+    half = np.empty((height, width), weights.half.dtype)
+    halve(image, *weights.halving, half, max(0, first_half - weights.reach), min(height, last_half + weights.reach))
     response = np.empty((height, row_length(width, LANES)), np.float32)
-    _response(read_only(half), half_type, *_scaled(coarse, unit, _FLOAT64, exact), None, None, response, LANES,
-              first_half, last_half)
-    return _response(image, smooth, *_scaled(fine, 1, wide, exact), _pairs(fine[1]) if exact else None, response, out,
-                     0, first, last)
+    _response(read_only(half), *weights.coarse, None, response, LANES, first_half, last_half)
+    return _response(image, *weights.fine, response, out, 0, first, last)
 
 
 def _total(weights: np.ndarray) -> float:
@@ -104,12 +121,6 @@ def _scaled(taps: Taps, unit: int, wide: np.ndarray, exact: bool) -> tuple[Any, 
     corner, shape = 1 / (8 * smoothing) ** 2, saddle / (smoothing * _total(further) ** 2) ** 2
     return (window.astype(np.float32), (0,) * _USUAL if exact and radius == _USUAL else None,
             further.astype(wide.dtype), (0,) * far, np.float32(corner), np.float32(shape))
-
-
-def _pairs(further: np.ndarray) -> np.ndarray:
-    """Weights from the centre outwards, two in turn in each row of sixteen; a 0 follows the last where it is alone."""
-    even = np.append(further, 0)[:len(further) + len(further) % 2]
-    return np.tile(even.astype(np.int16).reshape(-1, 2), LANES // 2)
 
 
 @kernel
@@ -137,7 +148,7 @@ def _response(image, smooth, window, known, further, known_further, corner_unit,
     largest = zeros(LANES, window)
     for y in range(first, last, 2):
         while done <= min(height - 1, y + 2 + max(radius, far)):
-            _smooth_row(image, done, column_of_image, lead, smoothed, done % slots)
+            smooth_row(image, done, column_of_image, lead, smoothed, done % slots)
             done += 1
         while done_products <= min(height - 1, y + 1 + radius):
             for j in range(3):
@@ -148,10 +159,10 @@ def _response(image, smooth, window, known, further, known_further, corner_unit,
             for j in range(2 * far + 1):
                 offsets[j] = reflect(done_wide - far + j, height) % slots * length + lead
             if pairs is not None:
-                _widen_by_pairs(smoothed, offsets, pairs, far, column_of_smoothed, lead, width)
+                widen_by_pairs(smoothed, offsets, pairs, far, column_of_smoothed, lead, width)
             else:
-                _widen_columns(smoothed, offsets, further, far, column_of_smoothed, lead, width)
-            _widen_row(column_of_smoothed, further, far, lead, width, wide, done_wide % 4)
+                widen_columns(smoothed, offsets, further, far, column_of_smoothed, lead, width)
+            widen_row(column_of_smoothed, further, far, lead, width, wide, done_wide % 4)
             done_wide += 1
         for j in range(2 * radius + 2):
             offsets[j] = reflect(y - radius + j, height) % product_slots * 3 * length + lead
@@ -195,67 +206,6 @@ def _multiply_row(smoothed, offsets, products, to, width, stride):
         store(products, to + i, across * across)
         store(products, to + stride + i, across * down)
         store(products, to + 2 * stride + i, down * down)
-
-
-@kernel
-def _smooth_row(image, y, column, lead, smoothed, slot):
-    """Row y of the image smoothed by [1 2 1] in both directions."""
-    height, width = image.shape
-    above, here, below = reflect(y - 1, height) * width, y * width, reflect(y + 1, height) * width
-    for i in range(0, width, LANES):
-        i = min(i, width - LANES)
-        middle = converted(load(image, here + i), column)
-        upper = converted(load(image, above + i), column) + middle
-        store(column, lead + i, upper + (converted(load(image, below + i), column) + middle))
-    reflect_ends(column, lead, width, 1)
-    to = slot * smoothed.shape[1]
-    for i in range(lead, lead + width, LANES):
-        middle = load(column, i)
-        store(smoothed, to + i, (load(column, i - 1) + middle) + (load(column, i + 1) + middle))
-    reflect_ends(smoothed[slot], lead, width, 1)
-
-
-@kernel
-def _widen_columns(smoothed, offsets, weights, far, column, lead, width):
-    """Weighted sums down the columns of the smoothed image."""
-    for i in range(0, width, LANES):
-        total = splat(weights[0]) * converted(load(smoothed, offsets[far] + i), weights)
-        for j in range(1, far + 1):
-            pair = load(smoothed, offsets[far - j] + i) + load(smoothed, offsets[far + j] + i)
-            total += splat(weights[j]) * converted(pair, weights)
-        store(column, lead + i, total)
-
-
-@kernel
-def _widen_by_pairs(smoothed, offsets, pairs, far, column, lead, width):
-    """`_widen_columns` of int16, two products at a time."""
-    for i in range(0, width, LANES):
-        inner = load(smoothed, offsets[far] + i)
-        outer = load(smoothed, offsets[far - 1] + i) + load(smoothed, offsets[far + 1] + i)
-        first = products_of_pairs(interleaved_first(inner, outer), load(pairs, 0))
-        second = products_of_pairs(interleaved_second(inner, outer), load(pairs, 0))
-        for j in range(2, far + 1, 2):
-            last = min(j + 1, far)
-            inner = load(smoothed, offsets[far - j] + i) + load(smoothed, offsets[far + j] + i)
-            outer = load(smoothed, offsets[far - last] + i) + load(smoothed, offsets[far + last] + i)
-            weights = load(pairs, j // 2 * LANES)
-            first += products_of_pairs(interleaved_first(inner, outer), weights)
-            second += products_of_pairs(interleaved_second(inner, outer), weights)
-        store(column, lead + i, first)
-        store(column, lead + i + LANES // 2, second)
-
-
-@kernel
-def _widen_row(column, weights, far, lead, width, wide, slot):
-    """Weighted sums along the row of what was smoothed down the columns."""
-    reflect_ends(column, lead, width, far)
-    to = slot * wide.shape[1]
-    for i in range(lead, lead + width, LANES):
-        total = splat(weights[0]) * load(column, i)
-        for j in range(1, far + 1):
-            total += splat(weights[j]) * (load(column, i - j) + load(column, i + j))
-        store(wide, to + i, total)
-    reflect_ends(wide[slot], lead, width, 1)
 
 
 @kernel
