@@ -128,14 +128,21 @@ class HarrisDetector(FeatureDetector):
         corners['size'] = self._size() << octave
         corners['response'] = self.rank(image, x, y, strength)
         corners['octave'] = octave
+        if self.evenness > 0:
+            corners = corners.take(np.flatnonzero(corners['response'] > 0))
         if octave + 1 < self.octaves:
             search.next_must_beat(corners['response'])
         return corners
 
     def rank(self, image: np.ndarray, x: np.ndarray, y: np.ndarray, strength: np.ndarray) -> np.ndarray:
-        """What corners of an octave rank by: strength beside the contrast round them, fair between octaves."""
+        """What corners of an octave rank by: strength beside the contrast round them, fair between octaves.
+
+        0 for what is none beside that contrast, as are the steps of a slanted edge in a drawing.
+        """
         if self.evenness > 0 and len(x) > 0:
-            strength = strength / np.maximum(contrast.local_energy(image, x, y), _LEAST_ENERGY) ** self.evenness
+            energy = np.maximum(contrast.local_energy(image, x, y), _LEAST_ENERGY)
+            is_none = strength < two_scales.LEAST_OF_ENERGY * energy if self.strength == 'two_scales' else False
+            strength = np.where(is_none, 0, strength / energy ** self.evenness)
         return compete(strength, image.size) if self._octaves_compete() else strength
 
     def refine(self, corners: np.ndarray, octave: int, shape: tuple[int, ...], mask: np.ndarray | None) -> None:

@@ -46,10 +46,11 @@ def compete(responses: np.ndarray, pixels: int) -> np.ndarray:
 
     Smoothing and shrinking make responses smaller, so that otherwise the finest octave would have all strong points.
     """
-    if len(responses) == 0:
+    ranked = responses[responses > 0]
+    if len(ranked) == 0:
         return responses
-    rank = min(max(pixels // 1000, 1), len(responses))
-    return responses / np.partition(responses, -rank)[-rank]
+    rank = min(max(pixels // 1000, 1), len(ranked))
+    return responses / np.partition(ranked, -rank)[-rank]
 
 
 def merged(corners: Sequence[np.ndarray], count: int) -> np.ndarray:

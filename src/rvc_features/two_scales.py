@@ -175,6 +175,7 @@ def binomial(steps: int) -> np.ndarray:
 
 CONTRAST = 8.73      # grey values: the step at a right-angled corner whose strength is 1
 NOISE_FACTOR = 0.18  # times the noise: the root of the strength that noise alone hardly ever reaches
+LEAST_OF_ENERGY = 0.05   # of the gradients' energy round a corner, the same
 LEAST_SHARE = 1e-3   # of the largest strength: what is weaker is no corner, as in drawings, which have no noise
 
 
@@ -204,7 +205,7 @@ def _weights(window_size: int, window: str, dtype: np.dtype) -> compiled.Weights
                 outwards(without_tails(binomial(scale.further)) * 2 ** scale.further),
                 scale.saddle * (scale.smoothing + scale.further) / 4)
 
-    return compiled.weights(outwards(binomial(HALVING) * 2 ** HALVING), of(FINE), of(COARSE), dtype)
+    return compiled.Weights.of(outwards(binomial(HALVING) * 2 ** HALVING), of(FINE), of(COARSE), dtype)
 
 
 _LEAST_PIXELS = 1024   # in smaller images single precision may be too little beside the largest strength

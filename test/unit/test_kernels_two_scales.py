@@ -62,7 +62,7 @@ def test_strength_kernel_equals_reference(shape, window):
         for window_size in (3, 5, 9, 31) if shape == (41, 203) else (5, 9):
             expected = reference_two_scales(image, window_size, window)
             scales = [taps(scale, window_size, window) for scale in (FINE, COARSE)]
-            weights = compiled_two_scales.weights(outwards(binomial(HALVING) * 2**HALVING), *scales, image.dtype)
+            weights = compiled_two_scales.Weights.of(outwards(binomial(HALVING) * 2**HALVING), *scales, image.dtype)
             strength, largest = compiled_two_scales.strength(image, weights)
             assert strength.shape == shape, name
             assert strength.dtype == np.float32
@@ -96,7 +96,7 @@ def test_strength_is_written_where_it_is_told():
 
 def test_too_narrow_for_the_kernel_is_an_error():
     ones = np.ones(2)
-    weights = compiled_two_scales.weights(ones, (ones, ones, 1.0), (ones, ones, 1.0), np.uint8)
+    weights = compiled_two_scales.Weights.of(ones, (ones, ones, 1.0), (ones, ones, 1.0), np.uint8)
     with pytest.raises(ValueError, match='at least 36 pixels wide; got 35'):
         compiled_two_scales.strength(np.zeros((100, 35), np.uint8), weights)
 

@@ -38,6 +38,18 @@ def test_a_polygon_has_its_corners(vertices, corners):
     assert np.abs((points['angle'] - inwards + 180) % 360 - 180).max() < 45
 
 
+@pytest.mark.parametrize('values', [{}, {'octaves': 3}, {'anms': True}])
+@pytest.mark.parametrize('degrees', [10, 23])
+def test_the_steps_of_slanted_edges_are_no_corners(degrees, values):
+    angles = np.radians(degrees + np.arange(0, 360, 90))
+    vertices = np.zeros(4, [('x', float), ('y', float)])
+    vertices['x'], vertices['y'] = 160 + 80 * np.cos(angles), 120 + 80 * np.sin(angles)
+    image = draw_polygon(np.column_stack((vertices['x'], vertices['y'])))
+    points = HarrisDetector(**{'fixed_number_of_points': True, **values}).detect_arrays(image)
+    assert len(points) == 4
+    assert distances(points, vertices).max() < 2
+
+
 @pytest.mark.parametrize('values', [{}, {'fixed_number_of_points': True, 'number_of_points': 100},
                                     {'anms': True, 'anms_points': 100}, {'octaves': 3}])
 @pytest.mark.parametrize(('gain', 'offset'), [(0.25, 0), (0.5, 30), (1.5, -30), (1.6, 0), (1.0, 30), (1.0, -30)])

@@ -33,7 +33,7 @@ _USUAL = 3   # radius of the usual window at either scale
 
 
 class Weights(NamedTuple):
-    """What the kernels take for images of one type, ready made, for that takes as long as many rows; see `weights`."""
+    """What the kernels take for images of one type, made ready once, for that takes as long as many rows."""
 
     halving: tuple[Any, ...]
     half: np.ndarray
@@ -41,31 +41,31 @@ class Weights(NamedTuple):
     reach: int
     fine: tuple[Any, ...]
 
+    @classmethod
+    def of(cls, halving: np.ndarray, fine: Taps, coarse: Taps, dtype: Any) -> Weights:
+        """Out of weights from their centre outwards.
 
-def weights(halving: np.ndarray, fine: Taps, coarse: Taps, dtype: Any) -> Weights:
-    """Weights as `strength` takes them.
-
-    Parameters
-    ----------
-    halving : ndarray, float64
-        Weights of the binomial before every second pixel is taken, from its centre outwards; whole numbers.
-    fine, coarse : tuple
-        Of either scale: the window's weights and those of the binomial before the second derivatives, likewise, the
-        latter whole numbers; and the weight of the determinant of these.
-    dtype : dtype
-        Of the images: uint8 or float32.
-    """
-    total = int(_total(halving) ** 2)
-    exact = np.dtype(dtype) == np.uint8
-    if exact:
-        unit, column, row, half, smooth, wide = total, _UINT16, _FLOAT32, _INT32, _INT16, _INT32
-    else:
-        unit, column, row, half, smooth, wide = 1, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64
-    return Weights(
-        (halving.astype(column.dtype), halving.astype(row.dtype), (0,) * (len(halving) - 1),
-         row.dtype.type(unit / total)),
-        half, (half, *_scaled(coarse, unit, _FLOAT64, exact), None), max(len(coarse[0]), len(coarse[1])) + 1,
-        (smooth, *_scaled(fine, 1, wide, exact), in_pairs(fine[1]) if exact else None))
+        Parameters
+        ----------
+        halving : ndarray, float64
+            Weights of the binomial before every second pixel is taken; whole numbers.
+        fine, coarse : tuple
+            Of either scale: the window's weights and those of the binomial before the second derivatives, the latter
+            whole numbers; and the weight of the determinant of these.
+        dtype : dtype
+            Of the images: uint8 or float32.
+        """
+        total = int(_total(halving) ** 2)
+        exact = np.dtype(dtype) == np.uint8
+        if exact:
+            unit, column, row, half, smooth, wide = total, _UINT16, _FLOAT32, _INT32, _INT16, _INT32
+        else:
+            unit, column, row, half, smooth, wide = 1, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64, _FLOAT64
+        return cls((halving.astype(column.dtype), halving.astype(row.dtype), (0,) * (len(halving) - 1),
+                    row.dtype.type(unit / total)),
+                   half, (half, *_scaled(coarse, unit, _FLOAT64, exact), None),
+                   max(len(coarse[0]), len(coarse[1])) + 1,
+                   (smooth, *_scaled(fine, 1, wide, exact), in_pairs(fine[1]) if exact else None))
 
 
 def strength(image: np.ndarray, weights: Weights, out: np.ndarray | None = None) -> tuple[np.ndarray, float]:

@@ -45,7 +45,7 @@ def compile_all() -> float:
         ones = np.ones(5)   # as many as the detector's own weights: two_scales compiles for their number
         for count in (4, 5):   # the usual window, and all others
             scale = ones[:count], ones[:4], 1.0
-            two_scales.strength(image, two_scales.weights(ones, scale, scale, image.dtype))
+            two_scales.strength(image, two_scales.Weights.of(ones, scale, scale, image.dtype))
         contrast.noise_of_runs(image, 16)
         energy = contrast.energy_of_cells(image, 8)
         contrast.energy_at(energy, *image.shape, 8, (1, 4), np.ones(9, np.float32), np.ones(1), np.ones(1))
