@@ -26,6 +26,7 @@ from std_msgs.msg import Bool
 from rvc_features import detectors
 from rvc_features.image_transport.messages import to_array, to_image_message
 from rvc_features.nodes import point_messages
+from rvc_features.odometry.covariance import covariances
 from rvc_features.odometry.descriptors import describe
 
 K = [300.0, 0, 160, 0, 300, 120, 0, 0, 1]
@@ -253,6 +254,18 @@ class TestOdometry(unittest.TestCase):
             ['g++', '-fsyntax-only', '-Wall', '-x', 'c++', *(f'-I{folder}' for folder in includes[:-1]), '-'],
             input=example('#include <cmath>'), stderr=subprocess.PIPE, text=True, check=False)
         self.assertEqual(compiled.returncode, 0, compiled.stderr)
+
+    def test_covariances_come_with_the_key_points_when_asked_for(self):
+        image = texture(seed=5)
+        self.assertEqual(len(self.answer('key_points', image).covariance_xx), 0)
+        self.client.update_configuration({'covariance': True, 'covariance_noise': 2.0})
+        message = self.answer('key_points', image)
+        self.client.update_configuration({'covariance': False})
+        found = point_messages.from_key_points_message(message)
+        expected = covariances(image, found, DETECTOR, 2.0)
+        np.testing.assert_array_equal(np.column_stack((message.covariance_xx, message.covariance_xy,
+                                                       message.covariance_yy)), expected.reshape(-1, 4)[:, [0, 1, 3]])
+        self.assertGreater(len(found), 20)
 
     def test_descriptors_are_those_of_the_key_points(self):
         image = texture(seed=3)

@@ -164,7 +164,7 @@ class FeatureDetectorNode:
         found = detector.detect_arrays(grey, mask)
         self.worker.check()
         if publishers.key_points.get_num_connections() > 0:
-            publishers.key_points.publish(self.odometry.key_points(found, message.header, detector.name, grey.shape))
+            publishers.key_points.publish(self.odometry.key_points(grey, found, message.header, detector))
         self.odometry.publish(grey, found, message.header, detector, mask, draw)
         if draw:
             picture = self.odometry.drawn(self._draw(image, found), mask)

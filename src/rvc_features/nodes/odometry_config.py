@@ -9,7 +9,7 @@ from rvc_features.nodes import detector_config
 from rvc_features.odometry.descriptors import SIZES
 from rvc_features.odometry.masks import Border
 from rvc_features.odometry.tracks import TrackerSettings
-from rvc_features.parameters import Choice, Flag
+from rvc_features.parameters import Choice, Flag, Real
 
 _BORDER = {f'border_{side}': side for side in ('left', 'right', 'top', 'bottom')}
 _TRACKER = {'number_of_tracks': 'number_of_tracks', 'track_distance': 'least_distance',
@@ -22,11 +22,13 @@ SPECIFICATIONS: dict[str, parameters.Specification] = {
     **{entry: parameters.specifications(TrackerSettings)[field] for entry, field in _TRACKER.items()},
     'trails': Flag('Draw the tracks into the image, as trails.'),
     'descriptor': Choice('Which descriptors are published.', tuple(SIZES)),
+    'covariance': Flag('Publish a covariance with each key point.'),
+    'covariance_noise': Real('Standard deviation of the noise in grey values; 0: as estimated from the image.', 0),
 }
 DEFAULTS: dict[str, Any] = {
     **{entry: parameters.defaults(Border)[field] for entry, field in _BORDER.items()},
     **{entry: parameters.defaults(TrackerSettings)[field] for entry, field in _TRACKER.items()},
-    'trails': False, 'descriptor': 'orb'}
+    'trails': False, 'descriptor': 'orb', 'covariance': False, 'covariance_noise': 0.0}
 
 
 def settle(config: dict[str, Any], previous: dict[str, Any]) -> list[str]:

@@ -22,6 +22,7 @@ from rvc_features.image_transport.whole_reads import subscribe
 from rvc_features.msg import Descriptors, KeyPoints, Tracks
 from rvc_features.nodes import odometry_config
 from rvc_features.nodes.point_messages import descriptors_message, key_points_message, tracks_message
+from rvc_features.odometry.covariance import covariances
 from rvc_features.odometry.descriptors import describe
 from rvc_features.odometry.masks import MaskError, Masks, parse, shaded
 from rvc_features.odometry.rays import Calibration, CalibrationError, from_camera_info
@@ -47,6 +48,7 @@ class OdometryOutputs:
         self._detector = detector
         self._tracker, self._trails = Tracker(), Trails()
         self._draw_trails, self._descriptor = False, 'orb'
+        self._with_covariance, self._noise = False, 0.0
         self._camera_info: Any = None          # the fields of the last one
         self._mask_stamp = rospy.Time()
         self._number_of_tracks = 0
@@ -58,6 +60,8 @@ class OdometryOutputs:
         self._tracker.settings = odometry_config.tracker(config)
         self._draw_trails = config.get('trails', False)
         self._descriptor = config.get('descriptor', 'orb')
+        self._with_covariance = config.get('covariance', False)
+        self._noise = config.get('covariance_noise', 0.0)
 
     def start(self, listener: rospy.SubscribeListener, refuse: Callable[[list[str]], Any]) -> None:
         """Read ~mask, advertise and subscribe; `refuse` takes sentences about parameters that make no sense."""
@@ -87,9 +91,10 @@ class OdometryOutputs:
                            '(one that always holds has the stamp 0)')
         return self.masks.of(shape)
 
-    def key_points(self, found: np.ndarray, header: Header, detector: str, shape: tuple[int, ...]) -> KeyPoints:
+    def key_points(self, image: np.ndarray, found: np.ndarray, header: Header, detector: FeatureDetector) -> KeyPoints:
         """The message of key points, with rays where there is a calibration for such images."""
-        return key_points_message(found, header, detector, shape, self._fitting(shape))
+        return key_points_message(found, header, detector.name, image.shape, self._fitting(image.shape),
+                                  self._covariances(image, found, detector) if self._with_covariance else None)
 
     def publish(self, image: np.ndarray, found: np.ndarray, header: Header, detector: FeatureDetector,
                 mask: np.ndarray | None, drawing: bool) -> None:
@@ -125,6 +130,13 @@ class OdometryOutputs:
     def values(self) -> dict[str, Any]:
         """What there is to say in diagnostics."""
         return {'tracks in last frame': self._number_of_tracks, 'calibrated': self.calibration is not None}
+
+    def _covariances(self, image: np.ndarray, found: np.ndarray, detector: FeatureDetector) -> np.ndarray | None:
+        try:
+            return covariances(image, found, detector, self._noise or None)
+        except ValueError as error:
+            reporter().say(rospy.logwarn, 'covariance', str(error))
+            return None
 
     def _fitting(self, shape: tuple[int, ...]) -> Calibration | None:
         calibration = self.calibration
@@ -167,4 +179,4 @@ class OdometryOutputs:
         except ImageError as error:
             raise rospy.ServiceException(f'no key points of that image: {error}') from None
         found = detector.detect_arrays(grey, self.masks.of(grey.shape))
-        return DetectResponse(self.key_points(found, request.image.header, detector.name, grey.shape))
+        return DetectResponse(self.key_points(grey, found, request.image.header, detector))

@@ -22,7 +22,7 @@ IDS_OF_A_FLOAT = 1 << 24
 
 
 def key_points_message(found: np.ndarray, header: Header, detector: str, shape: tuple[int, ...],
-                       calibration: Calibration | None = None) -> KeyPoints:
+                       calibration: Calibration | None = None, covariances: np.ndarray | None = None) -> KeyPoints:
     """The message of key points.
 
     Parameters
@@ -36,11 +36,16 @@ def key_points_message(found: np.ndarray, header: Header, detector: str, shape: 
         Of the image: height, width.
     calibration : Calibration, optional
         Of the camera, for the rays.
+    covariances : ndarray, shape (N, 2, 2), optional
+        Of the positions, as `covariance.covariances` returns them.
     """
     message = KeyPoints(header=header, detector=detector, width=shape[1], height=shape[0],
                         **{name: found[name] for name in key_points.NAMES})
     if calibration is not None:
         message.ray_x, message.ray_y = calibration.rays(_positions(found)).astype(np.float32).T
+    if covariances is not None:
+        message.covariance_xx, message.covariance_xy, message.covariance_yy = \
+            np.stack((covariances[:, 0, 0], covariances[:, 0, 1], covariances[:, 1, 1])).astype(np.float32)
     return message
 
 
