@@ -39,8 +39,8 @@ def keep(reports: list[Report], found: dict[str, Any]) -> Path:
     kept = json.loads(path.read_text()) if path.is_file() else {'benchmarks': {}}
     for report in reports:
         entry = dataclasses.asdict(report)
-        kept['benchmarks'][report.name] = {key: entry[key] for key in ('title', 'rows', 'notes')}
-    kept['surroundings'] = found
+        kept['benchmarks'][report.name] = {'surroundings': found, **{key: entry[key]
+                                                                     for key in ('title', 'rows', 'notes')}}
     check(kept, path.name)
     FOLDER.mkdir(exist_ok=True)
     path.write_text(json.dumps(kept, indent=1, sort_keys=True) + '\n')
@@ -56,10 +56,10 @@ def check(kept: dict[str, Any], where: str) -> None:
             if not isinstance(entry[key], kind):
                 raise ValueError(f'{where}: {key} of {what} is {entry[key]!r}')
 
-    fits(kept, {'surroundings': dict, 'benchmarks': dict}, 'the file')
-    fits(kept['surroundings'], SURROUNDINGS, 'surroundings')
+    fits(kept, {'benchmarks': dict}, 'the file')
     for name, benchmark in kept['benchmarks'].items():
-        fits(benchmark, {'title': str, 'rows': list, 'notes': list}, name)
+        fits(benchmark, {'surroundings': dict, 'title': str, 'rows': list, 'notes': list}, name)
+        fits(benchmark['surroundings'], SURROUNDINGS, f'surroundings of {name}')
         for row in benchmark['rows']:
             fits(row, ROW, f'a row of {name}')
             if not (len(row['ours_ms']) == len(row['peer_ms']) == 3 and row['ratio'] > 0):
@@ -85,7 +85,8 @@ def write_tables() -> None:
 def _tables_of(name: str, machines: dict[str, Any]) -> str:
     parts = []
     for machine in machines.values():
-        found, benchmarks = machine['surroundings'], machine['benchmarks']
+        benchmarks = machine['benchmarks']
+        found = benchmarks.get(name, next(iter(benchmarks.values())))['surroundings']
         if name == 'summary':
             parts.append(f'\n{found["processor"]}, {found["cores"]} cores:\n\n' + _summary(benchmarks))
         elif name in benchmarks:
