@@ -86,7 +86,7 @@ def told(capfd):
         status = main([str(argument) for argument in arguments])
         # OpenCV 4.2 (Noetic) prints what it meets whatever its log level.
         lines = capfd.readouterr().err.splitlines(keepends=True)
-        return status, ''.join(line for line in lines if not line.startswith('imdecode_('))
+        return status, ''.join(line for line in lines if line.strip() and not line.startswith('imdecode_('))
     return run
 
 

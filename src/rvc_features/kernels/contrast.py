@@ -75,8 +75,9 @@ def _energy_of_cells(image, side, pixel, product, by_pairs):
                 store(columns, i, load_half(columns, i) + products_of_pairs(first, first))
                 store(columns, half, load_half(columns, half) + products_of_pairs(second, second))
             else:
-                x_gradient, y_gradient = converted(x_gradient, product), converted(y_gradient, product)
-                store(columns, i, load(columns, i) + (x_gradient * x_gradient + y_gradient * y_gradient))
+                # Names of their own: Numba before 0.50 has one type for each name.
+                wide_x, wide_y = converted(x_gradient, product), converted(y_gradient, product)
+                store(columns, i, load(columns, i) + (wide_x * wide_x + wide_y * wide_y))
         if (y + 2) // side > y // side or y + 2 >= height:
             for cell in range(cells.shape[1]):
                 total = columns[0] - columns[0]   # zero, of their type
