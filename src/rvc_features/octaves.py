@@ -11,7 +11,7 @@ from rvc_features import key_points
 
 SMALLEST = 8           # pixels: no octave gets smaller than this to either side
 MERGE_DISTANCE = 2.5   # pixels of the coarser octave: corners nearer than this are one
-ONLY_COARSE = 0.25     # weight of corners that no finer octave shows
+ONLY_COARSE = 0.05     # weight of corners that no finer octave shows: more of them cost on zoom what the others gain
 _LEAST_COMMON = 5      # corners that two octaves must have in common to be compared by them
 
 

@@ -43,7 +43,7 @@ def two_scale_strength(image: np.ndarray, window_size: int = 5, window: str = 'g
 
     At either scale R = max(0, (A C - B^2) / (A + C) + w s^2 (L_xy^2 - L_xx L_yy)). A, B and C are the products
     I_x^2, I_x I_y and I_y^2 of the gradients of the slightly smoothed image, averaged over a window; L is the image
-    smoothed with s pixels. R_coarse is that of the image at half its size, enlarged by cubic interpolation.
+    smoothed with s pixels. R_coarse is that of the image at half its size, enlarged by interpolation.
 
     Gain and offset of the image change neither where M has its maxima nor their order: M grows with the gain squared.
 
@@ -132,16 +132,23 @@ def _corner_response(image: np.ndarray, scale: Scale, weights: np.ndarray) -> np
 
 
 def _enlarged(values: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """`values` at twice the size: pixel i comes to lie on 2 i; in between (-1 9 9 -1) / 16, cut off below at 0."""
+    """`values` at twice the size: pixel i comes to lie on 2 i; in between (2 -9 39 39 -9 2) / 64, cut off below at 0.
+
+    These weights, and not a cubic's (-1 9 9 -1) / 16, for points are not to move when the image does by an odd number
+    of pixels: by .04 px in the mean instead of .11.
+    """
     height, width = shape
     return np.maximum(_stretched(_stretched(values, width).T, height).T, 0)
 
 
 def _stretched(values: np.ndarray, width: int) -> np.ndarray:
     """Rows at twice their length, cut to `width`; beyond their ends the last number goes on."""
-    padded = np.pad(values, ((0, 0), (1, 2)), 'edge')
-    between = (9 * (padded[:, 1:-2] + padded[:, 2:-1]) - padded[:, :-3] - padded[:, 3:]) / 16
+    padded = np.pad(values, ((0, 0), (2, 3)), 'edge')
+    between = sum(weight * padded[:, j:j + values.shape[1]] for j, weight in enumerate(_BETWEEN))
     return np.stack((values, between), axis=2).reshape(len(values), -1)[:, :width]
+
+
+_BETWEEN = np.array([2, -9, 39, 39, -9, 2]) / 64   # weights of the six nearest pixels in the middle between two
 
 
 def smoothed(values: np.ndarray, weights: np.ndarray) -> np.ndarray:

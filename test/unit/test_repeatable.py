@@ -6,6 +6,7 @@ import pytest
 from conftest import draw_polygon, positions, texture
 
 from rvc_features import parameters, presets
+from rvc_features.comparison import warps
 from rvc_features.harris_detector import HarrisDetector
 
 random = np.random.default_rng(0)
@@ -105,6 +106,18 @@ def test_points_move_with_the_image_by_even_shifts_exactly_and_by_odd_ones_nearl
         inside = (first['x'] > 40) & (first['y'] > 40) & (first['response'] > 0.25 * first['response'].max())
         assert np.count_nonzero(inside) > 15
         assert np.mean(distances(first[inside], moved) < most) >= share
+
+
+def test_odd_shifts_move_points_by_a_fortieth_of_a_pixel():
+    """A cubic between the pixels of the coarse scale moved them three times as far."""
+    image = warps.reference(warps.generated_photograph())
+    detector = HarrisDetector(fixed_number_of_points=True)
+    first, moved = detector.detect_arrays(image), detector.detect_arrays(image[23:, 37:])
+    moved['x'] += 37
+    moved['y'] += 23
+    apart = distances(first, moved)
+    assert np.mean(apart < 1.5) > 0.85
+    assert apart[apart < 1.5].mean() < 0.04
 
 
 def test_evenness_spreads_the_points():

@@ -21,7 +21,8 @@ if installed:
         store,
     )
 
-_INNER, _OUTER = np.float32(9 / 16), np.float32(-1 / 16)   # weights of the two nearest pixels and the two beyond
+# Weights of the two nearest pixels, of the two beyond these, and of the two beyond those.
+_NEAR, _NEXT, _FAR = np.float32(39 / 64), np.float32(-9 / 64), np.float32(2 / 64)
 
 
 @kernel
@@ -67,24 +68,32 @@ def halve(image, column_weights, row_weights, known, scale, half, first, last):
 
 @kernel
 def enlarge_row(coarse, y, enlarged, lead, width):
-    """Row y of the coarse response at twice its size, by (-1 9 9 -1) / 16 between its pixels."""
+    """Row y of the coarse response at twice its size, by (2 -9 39 39 -9 2) / 64 between its pixels."""
     height, length = coarse.shape
     half_width, row = (width + 1) // 2, enlarged[1]
-    inner, outer, zero = splat(_INNER), splat(_OUTER), splat(np.float32(0))
-    here, below = y // 2 * length + LANES, min(y // 2 + 1, height - 1) * length + LANES
-    above, beneath = max(y // 2 - 1, 0) * length + LANES, min(y // 2 + 2, height - 1) * length + LANES
+    zero, above = splat(np.float32(0)), y // 2
+    rows = [min(max(above + j, 0), height - 1) * length + LANES for j in range(-2, 4)]
     for i in range(0, half_width, LANES):
-        value = load(coarse, here + i)
+        value = load(coarse, rows[2] + i)
         if y % 2:
-            value = inner * (value + load(coarse, below + i))
-            value += outer * (load(coarse, above + i) + load(coarse, beneath + i))
+            value = _between(load(coarse, rows[0] + i), load(coarse, rows[1] + i), value, load(coarse, rows[3] + i),
+                             load(coarse, rows[4] + i), load(coarse, rows[5] + i))
         store(row, lead + i, value)
     end = lead + half_width
-    row[lead - 1], row[end], row[end + 1] = row[lead], row[end - 1], row[end - 1]
+    for j in range(3):
+        row[lead - 1 - j], row[end + j] = row[lead], row[end - 1]
     for i in range(0, half_width, LANES):
         at = lead + i
         value = load(row, at)
-        between = inner * (value + load(row, at + 1)) + outer * (load(row, at - 1) + load(row, at + 2))
+        between = _between(load(row, at - 2), load(row, at - 1), value, load(row, at + 1), load(row, at + 2),
+                           load(row, at + 3))
         value, between = maximum(value, zero), maximum(between, zero)
         store(enlarged, lead + 2 * i, interleaved_first(value, between))
         store(enlarged, lead + 2 * i + LANES, interleaved_second(value, between))
+
+
+@kernel
+def _between(far_before, next_before, before, after, next_after, far_after):
+    """What lies in the middle between six numbers."""
+    value = splat(_NEAR) * (before + after) + splat(_NEXT) * (next_before + next_after)
+    return value + splat(_FAR) * (far_before + far_after)

@@ -97,7 +97,7 @@ def strength(image: np.ndarray, weights: Weights, out: np.ndarray | None = None)
 def _strength_of_rows(image: np.ndarray, weights: Weights, out: np.ndarray, first: int, last: int) -> float:
     """Fill in the rows from `first` to before `last`; returns the largest value in them."""
     height, width = (image.shape[0] + 1) // 2, (image.shape[1] + 1) // 2   # of the half-size image
-    first_half, last_half = max(0, first // 2 - 1), min(height, (last - 1) // 2 + 3)
+    first_half, last_half = max(0, first // 2 - 2), min(height, (last - 1) // 2 + 4)   # as enlarge_row needs
     half = np.empty((height, width), weights.half.dtype)
     halve(image, *weights.halving, half, max(0, first_half - weights.reach), min(height, last_half + weights.reach))
     response = np.empty((height, row_length(width, LANES)), np.float32)
