@@ -167,7 +167,7 @@ def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, b
         for y in range(max(row - 1, first, border), min(row + ROWS - 1, last, height - border)):
             its_half = 1 - half if y < row else half
             while len(places) < count + LANES * candidates[its_half]:
-                places, values = np.append(places, places), np.append(values, values)
+                places, values = np.append(places, places), np.append(values, values)   # type: ignore[assignment]
             before = count
             count = _maxima_of_row(responses, (half * ROWS + y - row) % (2 * ROWS), length,
                                    blocks[1 + its_half, :candidates[its_half]], bound, mask, border, width, y,
