@@ -274,10 +274,12 @@ class Faults:
     def master_restarted(self):
         self._master.restart()
         names = {f'/{node.name}' for node in self._nodes}
+        wanted = {f'/{node.name}/set_parameters' for node in self._nodes}
         deadline = time.monotonic() + SECONDS
         while time.monotonic() < deadline:
-            publishing = {node for _, nodes in rosgraph.Master('/soak').getSystemState()[0] for node in nodes}
-            if names | {rospy.get_name()} <= publishing:
+            publishers, _, services = rosgraph.Master('/soak').getSystemState()
+            publishing = {node for _, nodes in publishers for node in nodes}
+            if names | {rospy.get_name()} <= publishing and wanted <= {service for service, _ in services}:
                 self._counts['restarts of the master'] += 1
                 return
             time.sleep(0.2)
