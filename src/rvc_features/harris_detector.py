@@ -96,6 +96,8 @@ class HarrisDetector(FeatureDetector):
         corners = []
         for octave, (of_octave, its_mask) in enumerate(octaves):
             found = self.harris_corners(of_octave, octave, its_mask, search)
+            if not (self.anms or self._octaves_compete()):
+                found = self.filter(found)   # which looks at no position: what doesn't pass needs no refinement
             self.refine(found, octave, of_octave.shape, mask)
             corners.append(found)
         points = self.filter(self.join(corners))
