@@ -6,6 +6,7 @@ decompresses for bgr8, and converts colours in four to nine times the time of cv
 
 from __future__ import annotations
 
+import functools
 import re
 import sys
 from typing import Any
@@ -31,6 +32,7 @@ _LONGEST = 40   # characters of an encoding
 _bridge = CvBridge()
 
 
+@functools.lru_cache(maxsize=64)   # cv_bridge takes a regular expression or two for each of two images a frame
 def layout(encoding: str) -> tuple[np.dtype, int]:
     """Type and number of channels of an encoding."""
     try:
