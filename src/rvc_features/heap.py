@@ -14,7 +14,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD, _M_ARENA_MAX = -1, -3, -8
 _LARGEST_BLOCK = 32 << 20   # bytes: the most that mallopt accepts for the second; a 4K colour image has 25 million
 _LEAST_KEPT, _MOST_KEPT = 64 << 20, 512 << 20   # bytes that may lie free before any are given back
 _SLACK = 32 << 20           # bytes beyond what may lie free by which a process may grow before any are given back
-_FIRST_PAUSE, _LONGEST_PAUSE = 5.0, 300.0   # seconds until that is tried again
+_PAUSE = 5.0                # seconds until that is tried again
 _BLOCKS = 12                # of the size of a frame that one round of the node takes and frees, at the most
 _FRAMES = 50                # smaller ones in a row, after which a large one is a thing of the past
 _SHRUNK = 0.5               # of the largest size: what counts as smaller
@@ -67,7 +67,7 @@ class FrameHeap:
         self._smaller_in_a_row = 0
         self._kept = _LEAST_KEPT
         self._least = self._after_trim = resident_bytes()
-        self._last_trim, self._pause = time.monotonic(), _FIRST_PAUSE
+        self._last_trim = time.monotonic()
         self._lock = threading.Lock()
 
     def note(self, size: int) -> None:
@@ -90,17 +90,15 @@ class FrameHeap:
         """Give back what else has gathered, such as messages that never became frames; to be called now and then.
 
         What was in use at a peak may lie free since, without any growth that shows it. So it is tried again as long as
-        there is more than the least that there was, less and less often where that gives nothing back.
+        there is more than the least that there was; it takes milliseconds.
         """
         resident, now = resident_bytes(), time.monotonic()
         self._least = min(self._least, resident)
         enough = self._kept + _SLACK
         if (resident - self._after_trim > enough
-                or (resident - self._least > enough and now - self._last_trim > self._pause)):
+                or (resident - self._least > enough and now - self._last_trim > _PAUSE)):
             give_back()
             self._after_trim, self._last_trim = resident_bytes(), now
-            gained = resident - self._after_trim > _SLACK
-            self._pause = _FIRST_PAUSE if gained else min(2 * self._pause, _LONGEST_PAUSE)
 
     def _keep(self, size: int) -> None:
         self._largest = size
