@@ -34,7 +34,7 @@ import rospy
 import rostest
 from rospy.exceptions import TransportTerminated
 from rospy.impl.tcpros_base import TCPROSTransport
-from rospy.impl.tcpros_pubsub import TCPROSSub
+from rospy.impl.tcpros_pubsub import TCPROSPub, TCPROSSub
 from rvc_features.msg import KeyPoints
 from sensor_msgs.msg import CompressedImage
 from sensor_msgs.msg import Image as PlainImage
@@ -48,7 +48,15 @@ from quadrant_images import ENCODINGS, corners, quadrants
 from ros_helpers import Diagnostics, Inbox
 
 from rvc_features import image_transport
-from rvc_features.image_transport import ImageTransport, RawTransport, Transport, TransportHints, messages, whole_reads
+from rvc_features.image_transport import (
+    ImageTransport,
+    RawTransport,
+    Transport,
+    TransportHints,
+    messages,
+    whole_reads,
+    whole_writes,
+)
 from rvc_features.image_transport.messages import to_array, to_image_message, unpack
 
 JPEG, PNG = (cv2.imencode(kind, quadrants('bgr8'))[1].tobytes() for kind in ('.jpg', '.png'))
@@ -77,6 +85,17 @@ def reading(sock, whole=True, megapixels=25.0, message_class=messages.Image):
     whole_reads.read_messages(SimpleNamespace(impl=SimpleNamespace(add_connection=None, connections=[connection])),
                               whole)
     return connection
+
+
+def writing(sock, queue_size):
+    """The connection to a subscriber as a publisher of ours has it."""
+    connections = []
+    implementation = SimpleNamespace(add_connection=connections.append, set_queue_size=lambda size: None)
+    whole_writes.write_at_once(implementation, queue_size)
+    transport = TCPROSTransport(TCPROSPub('/topic', messages.Image), '/topic')
+    transport.set_socket(sock, 'test')
+    implementation.add_connection(transport)
+    return connections[0]
 
 
 def on_the_wire_as_header(*fields):
@@ -253,6 +272,61 @@ class ImageTransportTest(unittest.TestCase):
                 self.assertEqual(connection.stat_bytes, len(sent))
                 with self.assertRaises(TransportTerminated):
                     connection.receive_once()
+
+    def test_who_publishes_sends_what_the_socket_takes_and_a_thread_the_rest_in_order_and_whole(self):
+        for queue_size, expected in ((1, [1, 2, 6, 7]), (2, [1, 2, 5, 6, 7]), (0, [1, 2, 3, 4, 5, 6, 7])):
+            ours, theirs = socket.socketpair()
+            connection = writing(ours, queue_size)
+            picture = bytearray(500_000)   # more than sockets take
+
+            def write(number, size=500_000, connection=connection, picture=picture):
+                picture[:] = bytes([number]) * len(picture)
+                connection.write([struct.pack('<I', 1 + size), bytes([number]), memoryview(picture)[:size]])
+                picture[:] = bytes(len(picture))   # the caller's memory is the caller's again
+
+            with theirs, contextlib.closing(connection):
+                write(1, 100)
+                assert not [thread for thread in threading.enumerate() if thread.name == 'slow subscriber']
+                for number in (2, 3, 4, 5, 6):
+                    write(number)
+                stream = theirs.makefile('rb')
+                for number in expected:
+                    if number == 7:
+                        wait_until(lambda: not connection._is_behind, 'all that waited is sent')   # noqa: B023
+                        write(7, 100)
+                    size, = struct.unpack('<I', stream.read(4))
+                    assert stream.read(size) == bytes([number]) * size
+                assert connection.stat_num_msg == len(expected)
+            wait_until(lambda: not [thread for thread in threading.enumerate() if thread.name == 'slow subscriber'],
+                       'the thread has ended with the connection')
+
+    def test_memory_that_never_changes_is_not_copied_for_a_slow_subscriber(self):
+        ours, theirs = socket.socketpair()
+        connection = writing(ours, 1)
+        picture = np.zeros(5_000_000, np.uint8)
+        picture.flags.writeable = False
+        with theirs, contextlib.closing(connection):
+            for _ in range(2):
+                connection.write([b'head', picture.data])
+            assert [memoryview(piece).obj is picture for piece in connection._waiting[0]] == [False, True]
+
+    def test_a_message_to_a_subscriber_that_has_left_ends_the_connection(self):
+        for size in (10, 5_000_000):
+            ours, theirs = socket.socketpair()
+            connection = writing(ours, 1)
+            if size > 10:
+                connection.write([bytes(size)])   # the thread has something to send
+            theirs.close()
+
+            def write(connection=connection):
+                try:
+                    connection.write([bytes(10)])
+                except (OSError, TransportTerminated):
+                    return True
+                return False
+            wait_until(write, 'told')
+            connection.close()
+            assert connection.done
 
     def test_connection_that_ends_within_a_message_is_noticed(self):
         ours, theirs = socket.socketpair()

@@ -2,6 +2,7 @@
 """What the node does for an odometry, end to end: mask, tracks, rays, descriptors, service, and the converters."""
 
 import importlib.util
+import io
 import os
 import re
 import shutil
@@ -21,13 +22,14 @@ from rosgraph_msgs.msg import Log
 from rvc_features.msg import Descriptors, KeyPoints, Tracks
 from rvc_features.srv import Detect
 from sensor_msgs.msg import CameraInfo, Image, PointCloud
-from std_msgs.msg import Bool
+from std_msgs.msg import Bool, Header
 
 from rvc_features import detectors
 from rvc_features.image_transport.messages import to_array, to_image_message
 from rvc_features.nodes import point_messages
 from rvc_features.odometry.covariance import covariances
 from rvc_features.odometry.descriptors import describe
+from rvc_features.odometry.tracks import Tracker
 
 K = [300.0, 0, 160, 0, 300, 120, 0, 0, 1]
 D = [-0.2, 0.05, 0.001, 0.0, 0.0]
@@ -94,6 +96,21 @@ class TestOdometry(unittest.TestCase):
                     inbox.close()
                     return message, answer
         raise AssertionError(f'nothing on {topic}')
+
+    def test_messages_travel_as_ros_would_write_them(self):
+        found, header = DETECTOR.detect_arrays(texture()), Header(7, rospy.Time(5, 6), 'kämera')
+        key_points = point_messages.key_points_message(found, header, 'harris', (480, 640), None,
+                                                       np.ones((len(found), 2, 2)))
+        tracks = point_messages.tracks_message(Tracker().track(texture(), 5.0, DETECTOR), header, (480, 640))
+        descriptors = point_messages.descriptors_message(*describe(texture(), found, 'orb'), header, 'orb', 'harris')
+        for message, plain in ((key_points, KeyPoints()), (tracks, Tracks()), (descriptors, Descriptors())):
+            for name in plain.__slots__:
+                value = getattr(message, name)
+                setattr(plain, name, value.tolist() if isinstance(value, np.ndarray) else value)
+            expected = io.BytesIO()
+            plain.serialize(expected)
+            assert len(expected.getvalue()) > 1000
+            assert b''.join(message.pieces()) == expected.getvalue()
 
     def test_masks_of_a_parameter_a_topic_and_the_border(self):
         self.assertTrue((np.rint(positions(self.answer('key_points', texture()))) >= 30).any(axis=1).all())

@@ -27,9 +27,8 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
     image : ndarray, uint8, shape (H, W) or (H, W, 3)
         Grey or BGR; it is not changed.
     key_points : sequence of cv2.KeyPoint, or structured array of key_points.DTYPE
-
     picture : ndarray, uint8, shape (H, W, 3), contiguous, optional
-        Where to draw, instead of a new image; what it holds is overwritten.
+        Where to draw, instead of a new image; what it holds is overwritten. It may be the image itself.
 
     Returns
     -------
@@ -40,7 +39,7 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
         picture = np.empty((*image.shape[:2], 3), np.uint8)
     if image.ndim == 2:
         cv2.cvtColor(image, cv2.COLOR_GRAY2BGR, picture)
-    else:
+    elif picture is not image:
         picture[:] = image
 
     points = as_array(key_points)

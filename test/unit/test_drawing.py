@@ -46,6 +46,15 @@ def test_the_image_is_not_changed_and_the_picture_is_new():
         assert not np.shares_memory(draw_key_points(image, []), image)
 
 
+def test_picture_may_be_given_and_be_the_image_itself():
+    image, given = np.full((80, 100, 3), 7, np.uint8), np.full((80, 100, 3), 9, np.uint8)
+    expected = draw_key_points(image, [point()])
+    assert draw_key_points(image, [point()], given) is given
+    assert draw_key_points(image, [point()], image) is image
+    assert np.array_equal(given, expected)
+    assert np.array_equal(image, expected)
+
+
 def test_read_only_and_strided_images():
     image = np.zeros((80, 200, 3), np.uint8)[:, ::2]
     image.flags.writeable = False

@@ -13,7 +13,13 @@ from std_msgs.msg import Header
 
 from rvc_features.image_transport.compressed import decompressed
 from rvc_features.image_transport.encodings import YUV, ImageError, buffer, converted, fitting, layout
+from rvc_features.image_transport.whole_writes import Piece, header_bytes
 from rvc_features.still_images import MEGAPIXELS, TooLargeError, check_size
+
+# Of sensor_msgs/Image, as it travels.
+_HEADER = struct.Struct('<4I')   # seq, stamp, length of the frame_id
+_SIZE = struct.Struct('<3I')     # height, width, length of the encoding
+_LAYOUT = struct.Struct('<B2I')  # is_bigendian, step, length of the data
 
 
 def to_array(message: Any, encoding: str = 'bgr8', writable: bool = False) -> np.ndarray:
@@ -47,7 +53,7 @@ def to_array(message: Any, encoding: str = 'bgr8', writable: bool = False) -> np
     if encoding not in ('bgr8', 'mono8', 'passthrough'):
         raise ValueError(f'encoding must be bgr8, mono8 or passthrough; got {encoding!r}')
     array, stored = _pixels(whole(message), encoding)
-    if encoding != 'passthrough':
+    if encoding not in ('passthrough', stored):
         array = converted(array, stored, encoding)
     return array.copy() if writable and not array.flags.writeable else array
 
@@ -94,32 +100,42 @@ class Image(sensor_msgs.msg.Image):
     time which large images spend in rospy.
     """
 
+    def pieces(self) -> list[Piece]:
+        """Its bytes: all before the pixels, and the pixels where they are."""
+        try:
+            pixels = buffer(self.data)
+            encoding = self.encoding.encode()
+            return [b''.join((header_bytes(self.header), _SIZE.pack(self.height, self.width, len(encoding)), encoding,
+                              _LAYOUT.pack(self.is_bigendian, self.step, pixels.nbytes))), pixels]
+        except (struct.error, TypeError, ValueError, AttributeError) as error:
+            raise genpy.SerializationError(f'not an image: {error}') from error
+
     def serialize(self, buff: Any) -> None:
-        if isinstance(self.data, (bytes, list, tuple)):
-            super().serialize(buff)
-            return
-        pixels = memoryview(self.data).cast('B')
-        sensor_msgs.msg.Image(self.header, self.height, self.width, self.encoding, self.is_bigendian, self.step,
-                              b'').serialize(buff)
-        buff.seek(-4, 1)   # the length, 0 up to here
-        buff.write(struct.pack('<I', pixels.nbytes))
-        buff.write(pixels)
+        for piece in self.pieces():
+            buff.write(piece)
 
     def deserialize(self, buff: bytes | memoryview) -> Image:
+        header = self.header
         try:
-            frame_id_length, = struct.unpack_from('<I', buff, 12)
-            encoding_length, = struct.unpack_from('<I', buff, 24 + frame_id_length)
-            start = 37 + frame_id_length + encoding_length
-            length, = struct.unpack_from('<I', buff, start - 4)
+            header.seq, header.stamp.secs, header.stamp.nsecs, length = _HEADER.unpack_from(buff)
+            header.frame_id, place = _text(buff, _HEADER.size, length)
+            self.height, self.width, length = _SIZE.unpack_from(buff, place)
+            self.encoding, place = _text(buff, place + _SIZE.size, length)
+            self.is_bigendian, self.step, length = _LAYOUT.unpack_from(buff, place)
         except struct.error as error:
             raise genpy.DeserializationError(error) from error
-        super().deserialize(bytes(buff[:start - 4]) + bytes(4))
-        self.data = memoryview(buff)[start:start + length]
+        place += _LAYOUT.size
+        self.data = memoryview(buff)[place:place + length]
         return self
 
     def __getstate__(self) -> list:
         # A memoryview can be neither copied with copy.deepcopy nor pickled.
         return [bytes(value) if isinstance(value, memoryview) else value for value in super().__getstate__()]
+
+
+def _text(buff: bytes | memoryview, place: int, length: int) -> tuple[str, int]:
+    """The text of that length, as genpy reads it, and the place behind it."""
+    return bytes(buff[place:place + length]).decode('utf-8', 'rosmsg'), place + length
 
 
 def _pixels(message: Any, encoding: str) -> tuple[np.ndarray, str]:
@@ -145,8 +161,8 @@ def _view(message: Any, megapixels: float) -> tuple[np.ndarray, str]:
         check_size(width, height, megapixels, channels * dtype.itemsize)
     except TooLargeError as error:
         raise ImageError(f'{error} (parameter ~most_megapixels)') from None
-    dtype = dtype.newbyteorder('>' if message.is_bigendian else '<')
-    array: np.ndarray = np.ndarray((height, width, channels), dtype, data,
+    stored = dtype if dtype.itemsize == 1 else dtype.newbyteorder('>' if message.is_bigendian else '<')
+    array: np.ndarray = np.ndarray((height, width, channels), stored, data,
                                    strides=(step, channels * dtype.itemsize, dtype.itemsize))
-    array = np.ascontiguousarray(array, dtype.newbyteorder('='))
+    array = np.ascontiguousarray(array, dtype)
     return array[:, :, 0] if channels == 1 else array, message.encoding

@@ -14,6 +14,7 @@ from rvc_features.brief import reporter
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import Image, to_image_message
 from rvc_features.image_transport.transports import Transport
+from rvc_features.image_transport.whole_writes import TopicPublisher, num_connections
 
 
 class Publisher:
@@ -63,7 +64,7 @@ class Publisher:
 
     def get_num_subscribers(self) -> int:
         """How many subscribers there are, in all transports together."""
-        return sum(outlet.get_num_subscribers() for outlet in self._outlets)
+        return sum(num_connections(outlet.publisher) for outlet in self._outlets)
 
     def get_topic(self) -> str:
         """The resolved base topic."""
@@ -93,27 +94,22 @@ class _Outlet(rospy.SubscribeListener):
         self._topic = transport.topic(base_topic)
         transport.start_publishing(self._topic)
         # Latching is ours and only announced by the header: rospy's would want each image encoded in advance.
-        self._publisher = rospy.Publisher(
-            self._topic, transport.message_class, subscriber_listener=self, tcp_nodelay=True, queue_size=queue_size,
-            headers={'latching': '1'} if latch else None)
+        self.publisher = TopicPublisher(self._topic, transport.message_class, self, queue_size,
+                                        headers={'latching': '1'} if latch else None)
 
     def publish(self, image: sensor_msgs.msg.Image) -> None:
         if self._latch:
             self._last = image   # before looking for subscribers: one that comes in between finds it
-        if self.get_num_subscribers() > 0:
+        if num_connections(self.publisher) > 0:
             message = self._encoded(image)
             if message is not None:
                 with self._sending:
-                    if self._publisher.impl is not None:   # not shut down by another thread meanwhile
-                        self._publisher.publish(message)
-
-    def get_num_subscribers(self) -> int:
-        return num_connections(self._publisher)
+                    self.publisher.publish(message)
 
     def shutdown(self) -> None:
         with self._sending:
             self._last = None
-            unregister(self._publisher)
+            unregister(self.publisher)
         self._transport.stop_publishing()
 
     def peer_subscribe(self, topic_name: str, topic_publish: Any, peer_publish: Any) -> None:
@@ -147,12 +143,6 @@ class _Outlet(rospy.SubscribeListener):
         if self._latch:
             self._last_encoded = image, message
         return message
-
-
-def num_connections(topic: rospy.topics.Topic) -> int:
-    """As topic.get_num_connections, without its lock, which rospy also holds while it announces that one has left."""
-    implementation = topic.impl   # None after unregister
-    return 0 if implementation is None else len(implementation.connections)
 
 
 def unregister(topic: rospy.topics.Topic) -> None:

@@ -10,9 +10,10 @@ import sensor_msgs.msg
 from rvc_features.brief import reporter
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.messages import Image, whole
-from rvc_features.image_transport.publisher import num_connections, unregister
+from rvc_features.image_transport.publisher import unregister
 from rvc_features.image_transport.transports import TRANSPORTS, Transport
 from rvc_features.image_transport.whole_reads import FIRST_READ, read_messages, received
+from rvc_features.image_transport.whole_writes import num_connections
 
 # How much rospy reads at once: more than a message, or old frames wait in the socket although queue_size is 1. Raw
 # images for callbacks that only store are read whole instead.

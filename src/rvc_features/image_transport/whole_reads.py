@@ -23,6 +23,7 @@ from rvc_features.brief import reporter
 from rvc_features.still_images import most_bytes
 
 FIRST_READ = 4096      # bytes, for rospy.Subscriber's buff_size: enough to learn how much there is to come
+_LENGTH = struct.Struct('<I')
 _PORTION = 1 << 16     # bytes of a message that is passed over
 _ROOM = 1 << 16        # bytes beside the pixels
 
@@ -37,10 +38,13 @@ def received(message_class: type, limit: float) -> type:
         Why this is no image; empty otherwise.
     megapixels : float
         How large an image may be.
+    most_bytes : int
+        How large a message may be.
     """
     class Received(message_class):   # type: ignore[valid-type,misc]
         problem = ''
         megapixels = limit
+        most_bytes = most_message_bytes(limit)
 
         def deserialize(self, data: Any) -> Any:
             try:
@@ -124,21 +128,20 @@ def _read_messages(connection: Any, read_in_portions: Callable[..., None], whole
     """What rospy calls when `begun` has at least four bytes: appends the next message, and waits for the rest of it."""
     message_class = connection.protocol.recv_data_class
     end = begun.tell()
-    begun.seek(0)
-    size, = struct.unpack('<I', begun.read(4))
-    most = most_message_bytes(message_class.megapixels)
-    if size > most:
+    have = begun.getvalue()
+    size, = _LENGTH.unpack_from(have)
+    if size > message_class.most_bytes:
         message = message_class()
         message.problem = (f'message of {size} bytes passed over unread: more than {message_class.megapixels:g} '
                            'megapixels (parameter ~most_megapixels)')
         _pass_over(connection, begun, end, size, sock)
         messages.append(message)
     elif not whole or end >= 4 + size:
-        begun.seek(end)
         read_in_portions(begun, messages, sock)
     else:
         data = np.empty(size, np.uint8).data
-        done = begun.readinto(data[:end - 4])
+        done = end - 4
+        data[:done] = have[4:end]
         begun.seek(0)
         begun.truncate(0)
         while done < size:

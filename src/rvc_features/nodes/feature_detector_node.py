@@ -96,7 +96,6 @@ class FeatureDetectorNode:
         self.publishers: Publishers | None = None
         self.server: ReconfigureServer | None = None
         self._least_key_points = _LEAST_KEY_POINTS
-        self._picture = np.empty((0, 0, 3), np.uint8)
         self.supervision = Supervision('feature detector', lambda: self._at_work.name, self.worker, self.input, 'image',
                                        self._details, self._once_a_second, self._restore_parameters)
         self.supervision.start()   # first of all, so that whatever the start hangs at is seen
@@ -157,7 +156,8 @@ class FeatureDetectorNode:
         self._at_work = detector
         assert publishers is not None   # nothing is subscribed to before
         draw = publishers.image.get_num_subscribers() > 0
-        image = to_array(message, 'bgr8' if draw else 'mono8')
+        # Pixels that came from the socket or from a conversion are nobody else's: what is drawn is drawn on them.
+        image = to_array(message, 'bgr8', writable=True) if draw else to_array(message, 'mono8')
         self.heap.note(image.nbytes)
         grey = as_grey(image)
         mask = self.odometry.mask(grey.shape, message.header)
@@ -167,7 +167,8 @@ class FeatureDetectorNode:
             publishers.key_points.publish(self.odometry.key_points(grey, found, message.header, detector))
         self.odometry.publish(grey, found, message.header, detector, mask, draw)
         if draw:
-            picture = self.odometry.drawn(self._draw(image, found), mask)
+            picture = self.odometry.drawn(draw_key_points(image, found, image), mask)
+            picture.flags.writeable = False   # so that a slow subscriber gets it without a copy
             publishers.image.publish_array(picture, 'bgr8', message.header)
         if publishers.response.get_num_connections() > 0:
             response = detector.response_map(grey)
@@ -178,12 +179,6 @@ class FeatureDetectorNode:
                 picture = displayable_response(response)
                 publishers.response.publish(to_image_message(picture, 'mono8', message.header))
         return found, (grey.shape[0], grey.shape[1])
-
-    def _draw(self, image: np.ndarray, found: np.ndarray) -> np.ndarray:
-        """Draw on one picture that serves frame after frame, for fresh memory costs more than the drawing."""
-        if self._picture.shape[:2] != image.shape[:2]:
-            self._picture = np.empty((*image.shape[:2], 3), np.uint8)
-        return draw_key_points(image, found, self._picture)
 
     def _listeners(self) -> int:
         return 0 if self.publishers is None else self.publishers.listeners() + self.odometry.listeners()

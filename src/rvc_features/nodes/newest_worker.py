@@ -6,6 +6,7 @@ times old. (No ROS here.)
 
 from __future__ import annotations
 
+import queue
 import threading
 import time
 from typing import Any, Callable
@@ -44,17 +45,20 @@ class NewestWorker:
         self._work, self._failed, self._name = work, failed, name
         self._slot: Any = _NOTHING
         self._stopped = False
-        self._changed = threading.Condition()
+        self._lock = threading.RLock()
+        self._bell: queue.SimpleQueue[None] = queue.SimpleQueue()   # one stroke for each item that found the slot empty
         self._abandoned: list[threading.Thread] = []
         self._thread = self._started()
 
     def put(self, item: Any) -> None:
         """Hand over an item; returns at once."""
-        with self._changed:
+        with self._lock:
             self.received += 1
-            self.dropped += self._slot is not _NOTHING
+            is_first = self._slot is _NOTHING
+            self.dropped += not is_first
             self._slot = item
-            self._changed.notify()
+        if is_first:
+            self._bell.put(None)
 
     def renew(self) -> bool:
         """Give up on the item at work, and have a fresh thread take the next ones; False where too many hang already.
@@ -62,7 +66,7 @@ class NewestWorker:
         Python can't end a thread: the old one goes on, and ends when its work returns, which may be never. `work` is to
         call `check` after whatever may have hung.
         """
-        with self._changed:
+        with self._lock:
             if self.abandoned() >= _MOST_ABANDONED:
                 return False
             self._abandoned.append(self._thread)
@@ -72,20 +76,20 @@ class NewestWorker:
 
     def abandoned(self) -> int:
         """How many threads were given up that still hang."""
-        with self._changed:
+        with self._lock:
             self._abandoned = [thread for thread in self._abandoned if thread.is_alive()]
             return len(self._abandoned)
 
     def check(self) -> None:
         """For `work`, after whatever may have hung: AbandonedError in a thread that has been given up meanwhile."""
-        if threading.current_thread() in self._abandoned:
+        if self._abandoned and threading.current_thread() in self._abandoned:
             raise AbandonedError
 
     def stop(self, seconds: float | None = None) -> None:
         """Finish the item at work, drop what waits, and end the thread; wait for that, or at most so long."""
-        with self._changed:
+        with self._lock:
             self._stopped = True
-            self._changed.notify()
+        self._bell.put(None)
         self._thread.join(seconds)
 
     def _started(self) -> threading.Thread:
@@ -95,8 +99,8 @@ class NewestWorker:
 
     def _run(self) -> None:
         while True:
-            with self._changed:
-                self._changed.wait_for(lambda: self._stopped or self._slot is not _NOTHING)
+            self._bell.get()
+            with self._lock:
                 if self._stopped:
                     return
                 item, self._slot = self._slot, _NOTHING
@@ -107,7 +111,7 @@ class NewestWorker:
             except BaseException as error:   # a thread that ends leaves a node that is up and does nothing
                 failure = error
             item = None   # not to hold what may be large until the next one comes
-            with self._changed:
+            with self._lock:
                 if threading.current_thread() is not self._thread:
                     return   # another has taken its place
                 self.busy_since = None

@@ -19,6 +19,7 @@ from rvc_features.image_transport.encodings import ImageError
 from rvc_features.image_transport.image_transport import most_megapixels
 from rvc_features.image_transport.messages import to_array
 from rvc_features.image_transport.whole_reads import subscribe
+from rvc_features.image_transport.whole_writes import TopicPublisher
 from rvc_features.msg import Descriptors, KeyPoints, Tracks
 from rvc_features.nodes import odometry_config
 from rvc_features.nodes.point_messages import descriptors_message, key_points_message, tracks_message
@@ -52,7 +53,7 @@ class OdometryOutputs:
         self._camera_info: Any = None          # the fields of the last one
         self._mask_stamp = rospy.Time()
         self._number_of_tracks = 0
-        self._publishers: tuple[rospy.Publisher, rospy.Publisher] | None = None
+        self._publishers: tuple[TopicPublisher, TopicPublisher] | None = None
 
     def configure(self, config: Any) -> None:
         """Take over settled dynamic parameters."""
@@ -69,9 +70,8 @@ class OdometryOutputs:
             self.masks.fixed = parse(rospy.get_param('~mask', ''))
         except MaskError as error:
             refuse([f'~mask: {error}; no mask is used'])
-        self._publishers = (
-            rospy.Publisher('tracks', Tracks, listener, tcp_nodelay=True, queue_size=1),
-            rospy.Publisher('descriptors', Descriptors, listener, tcp_nodelay=True, queue_size=1))
+        self._publishers = (TopicPublisher('tracks', Tracks, listener),
+                            TopicPublisher('descriptors', Descriptors, listener))
         limit = most_megapixels()
         subscribe('mask', Image, self._take_mask, limit, queue_size=1, buff_size=1 << 24)
         subscribe('camera_info', CameraInfo, self._take_camera_info, limit, queue_size=1)
@@ -113,7 +113,7 @@ class OdometryOutputs:
             descriptors.publish(descriptors_message(*describe(image, found, name), header, name, detector.name))
 
     def _follow(self, image: np.ndarray, found: np.ndarray, header: Header, detector: FeatureDetector,
-                mask: np.ndarray | None, publisher: rospy.Publisher) -> None:
+                mask: np.ndarray | None, publisher: TopicPublisher) -> None:
         calibration = self._fitting(image.shape)
         undistort = None if calibration is None else calibration.undistorted
         followed = self._tracker.track(image, header.stamp.to_sec(), detector, mask, undistort, found)

@@ -9,6 +9,7 @@ import rospy
 from sensor_msgs.msg import Image
 
 from rvc_features.image_transport import ImageTransport
+from rvc_features.image_transport.whole_writes import TopicPublisher
 from rvc_features.msg import KeyPoints
 
 
@@ -19,8 +20,8 @@ class Publishers:
         listener = Listener(changed)
         self.image = ImageTransport().advertise('image', queue_size=1, subscriber_connected=changed.set,
                                                 subscriber_disconnected=changed.set)
-        self.key_points = rospy.Publisher('key_points', KeyPoints, listener, tcp_nodelay=True, queue_size=1)
-        self.response = rospy.Publisher('response', Image, listener, tcp_nodelay=True, queue_size=1)
+        self.key_points = TopicPublisher('key_points', KeyPoints, listener)
+        self.response = TopicPublisher('response', Image, listener)
 
     def listeners(self) -> int:
         return (self.image.get_num_subscribers() + self.key_points.get_num_connections()

@@ -5,6 +5,7 @@ For `cv2.KeyPoint` objects see `key_points.to_objects` and `key_points.from_obje
 
 from __future__ import annotations
 
+import struct
 from typing import Any
 
 import numpy as np
@@ -13,12 +14,51 @@ from sensor_msgs.msg import ChannelFloat32, PointCloud
 from std_msgs.msg import Header
 
 from rvc_features import key_points
+from rvc_features.image_transport.whole_writes import header_bytes
 from rvc_features.msg import Descriptors, KeyPoints, Tracks
 from rvc_features.odometry import tracks as followed
 from rvc_features.odometry.rays import Calibration
 
 # VINS-Mono sends an id as a float32, which has no more whole numbers than these without a gap.
 IDS_OF_A_FLOAT = 1 << 24
+
+
+class _InPieces:
+    """Before a message class of a header, texts, uint32 and arrays: these travel as NumPy has them, not one by one."""
+
+    def pieces(self: Any) -> list[bytes]:
+        """The bytes of the message, for `whole_writes`."""
+        pieces = [header_bytes(self.header)]
+        for name, kind in zip(self.__slots__[1:], self._slot_types[1:]):
+            value = getattr(self, name)
+            if kind == 'uint32':
+                pieces.append(_UINT32.pack(value))
+                continue
+            if kind == 'string':
+                value = value.encode()
+            pieces += (_UINT32.pack(len(value)),
+                       value if isinstance(value, bytes) else np.asarray(value, _TYPES[kind]).tobytes())
+        return [b''.join(pieces)]
+
+    def serialize(self, buff: Any) -> None:
+        buff.writelines(self.pieces())
+
+
+_UINT32 = struct.Struct('<I')
+_TYPES = {'uint8[]': 'u1', 'int32[]': '<i4', 'uint32[]': '<u4', 'uint64[]': '<u8', 'float32[]': '<f4',
+          'float64[]': '<f8'}
+
+
+class _KeyPoints(_InPieces, KeyPoints):
+    pass
+
+
+class _Tracks(_InPieces, Tracks):
+    pass
+
+
+class _Descriptors(_InPieces, Descriptors):
+    pass
 
 
 def key_points_message(found: np.ndarray, header: Header, detector: str, shape: tuple[int, ...],
@@ -39,7 +79,7 @@ def key_points_message(found: np.ndarray, header: Header, detector: str, shape: 
     covariances : ndarray, shape (N, 2, 2), optional
         Of the positions, as `covariance.covariances` returns them.
     """
-    message = KeyPoints(header=header, detector=detector, width=shape[1], height=shape[0],
+    message = _KeyPoints(header=header, detector=detector, width=shape[1], height=shape[0],
                         **{name: found[name] for name in key_points.NAMES})
     if calibration is not None:
         message.ray_x, message.ray_y = calibration.rays(_positions(found)).astype(np.float32).T
@@ -70,7 +110,7 @@ def tracks_message(tracks: np.ndarray, header: Header, shape: tuple[int, ...], i
     calibration : Calibration, optional
         Of the camera, for the rays.
     """
-    message = Tracks(header=header, width=shape[1], height=shape[0], **{name: tracks[name] for name in followed.NAMES})
+    message = _Tracks(header=header, width=shape[1], height=shape[0], **{name: tracks[name] for name in followed.NAMES})
     if calibration is not None:
         positions = _positions(tracks)
         velocity = np.column_stack((tracks['velocity_x'], tracks['velocity_y'])).astype(np.float64)
@@ -88,7 +128,7 @@ def from_tracks_message(message: Tracks) -> np.ndarray:
 
 def descriptors_message(which: np.ndarray, rows: np.ndarray, header: Header, name: str, detector: str) -> Descriptors:
     """The message of descriptors, as `descriptors.describe` returns them."""
-    return Descriptors(header=header, name=name, detector=detector, size=rows.shape[1],
+    return _Descriptors(header=header, name=name, detector=detector, size=rows.shape[1],
                        key_point=which.astype(np.uint32), data=rows.tobytes())
 
 

@@ -106,8 +106,11 @@ class Supervision:
 
     def frame_arrived(self, message: Any) -> float:
         """Count an image that has come; returns when, by time.monotonic."""
-        stamp = message.header.stamp
-        return self.statistics.frame_arrived((rospy.Time.now() - stamp).to_sec() if stamp else None)
+        stamp, delay = message.header.stamp, None
+        if stamp.secs or stamp.nsecs:
+            now = rospy.get_rostime()
+            delay = now.secs - stamp.secs + (now.nsecs - stamp.nsecs) / 1e9
+        return self.statistics.frame_arrived(delay)
 
     def frame_processed(self, shape: tuple[int, ...], begun: float, arrived: float,
                         found: np.ndarray = _NO_KEY_POINTS) -> None:
