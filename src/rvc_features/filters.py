@@ -140,23 +140,16 @@ def reference_stronger(responses: np.ndarray, robustness: float) -> np.ndarray:
 
 def _largest_first(values: np.ndarray, count: int) -> np.ndarray:
     """Indices of the `count` largest values, largest first; of equals the lower index."""
-    if count < len(values) and len(values) > _MANY and count > 0:
-        # Sort only what can be among them: a partition costs less than a sort of everything.
-        candidates = np.flatnonzero(values >= np.partition(values, -count)[-count])
-        return candidates[_strongest_first(values[candidates])][:count]
-    return _strongest_first(values)[:count]
-
-
-_MANY = 1500   # values; fewer are sorted as fast without
+    return sorting.strongest_first(values, count) if compiler.available() else reference_order(values, count)
 
 
 def _strongest_first(responses: np.ndarray) -> np.ndarray:
-    return sorting.strongest_first(responses) if compiler.available() else reference_order(responses)
+    return _largest_first(responses, len(responses))
 
 
-def reference_order(responses: np.ndarray) -> np.ndarray:
-    """Indices from the largest response to the least, of equals the lower first."""
-    return np.argsort(-responses, kind='stable')
+def reference_order(responses: np.ndarray, count: int | None = None) -> np.ndarray:
+    """Indices from the largest response to the least, of equals the lower first; of `count` of them."""
+    return np.argsort(-responses, kind='stable')[:count]
 
 
 def _checked_candidates(points: np.ndarray, responses: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -93,14 +93,17 @@ class HarrisDetector(FeatureDetector):
         """Corners of every octave, one filter over all of them together, then the direction of those left."""
         _, search = self._chosen_filter()
         octaves = list(pyramid(image, mask, self.octaves))
+        filtered_first = not (self.anms or self._octaves_compete())   # by responses: what doesn't pass is not refined
         corners = []
         for octave, (of_octave, its_mask) in enumerate(octaves):
             found = self.harris_corners(of_octave, octave, its_mask, search)
-            if not (self.anms or self._octaves_compete()):
-                found = self.filter(found)   # which looks at no position: what doesn't pass needs no refinement
+            if filtered_first:
+                found = self.filter(found)
             self.refine(found, octave, of_octave.shape, mask)
             corners.append(found)
-        points = self.filter(self.join(corners))
+        points = self.join(corners)
+        if not (filtered_first and len(corners) == 1):
+            points = self.filter(points)
         self.orient(points, octaves)
         return points
 
@@ -125,11 +128,7 @@ class HarrisDetector(FeatureDetector):
         search = search or Search()
         x, y, strength = (self._corners_without_map(image, mask, search)
                           or self._corners_of_map(image, octave, mask, search))
-        corners = key_points.empty(len(x))
-        corners['x'], corners['y'] = x << octave, y << octave
-        corners['size'] = self._size() << octave
-        corners['response'] = self.rank(image, x, y, strength)
-        corners['octave'] = octave
+        corners = key_points.of_corners(x, y, self.rank(image, x, y, strength), self._size(), octave)
         if self.evenness > 0:
             corners = corners.take(np.flatnonzero(corners['response'] > 0))
         if octave + 1 < self.octaves:
@@ -196,7 +195,7 @@ class HarrisDetector(FeatureDetector):
         """Give each point the direction of the gradient in its octave, taken with the larger kernel."""
         for octave, (image, _) in enumerate(octaves):
             here = slice(None) if len(octaves) == 1 else np.flatnonzero(points['octave'] == octave)
-            x, y = (points[name][here].astype(np.float64) / (1 << octave) for name in 'xy')
+            x, y = (points[name][here] / (1 << octave) for name in 'xy')
             orientation = direction_on_the_surface if self.strength == 'two_scales' else gradient_orientation
             points['angle'][here] = orientation(image, x, y, self.orientation_sigma)
 

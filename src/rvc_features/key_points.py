@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 
 from rvc_features.brief import cut
+from rvc_features.kernels import compiler
+from rvc_features.kernels import key_points as compiled
 
 DTYPE = np.dtype([
     ('x', np.float32),          # position in pixels of the full image; (0, 0) is the centre of the top left pixel
@@ -42,6 +44,12 @@ def check(found: Any, shape: tuple[int, ...], detector: str) -> None:
         raise KeyPointError(f'{wanted} {type(found).__name__}')
     if found.dtype != DTYPE or found.ndim != 1:
         raise KeyPointError(f'{wanted} shape {found.shape} of {cut(str(found.dtype))}')
+    if compiler.available() and compiled.are_sound(found, shape[0], shape[1]):
+        return   # as nearly always: what follows finds the words for what is wrong, and what lies a little outside
+    _check_numbers(found, shape, detector)
+
+
+def _check_numbers(found: np.ndarray, shape: tuple[int, ...], detector: str) -> None:
     if len(found) == 0:
         return
     # Minimum and maximum tell it all: NaN comes through either, and nothing is allocated.
@@ -59,6 +67,41 @@ def check(found: Any, shape: tuple[int, ...], detector: str) -> None:
                 if outside.any():
                     raise KeyPointError(f'detector {detector!r} returned a key point at {name} = '
                                         f'{float(values[outside][0]):g} in an image of {shape[1]} x {shape[0]} pixels')
+
+
+def reference_are_sound(found: np.ndarray, height: int, width: int) -> bool:
+    """Whether the numbers of key points are finite, no size is below zero, and all lie in the image."""
+    finite = all(np.isfinite(found[name]).all() for name in NAMES[:-1])
+    inside = all(((found[name] >= -0.5) & (found[name] <= np.float32(length - 0.5))).all()
+                 for name, length in (('x', width), ('y', height)))
+    return bool(finite and inside and (found['size'] >= 0).all())
+
+
+def of_corners(x: np.ndarray, y: np.ndarray, responses: np.ndarray, size: int, octave: int) -> np.ndarray:
+    """Key points of an octave's corners, with no angle.
+
+    Parameters
+    ----------
+    x, y : ndarray of int, shape (N,)
+        In pixels of the octave.
+    responses : ndarray of float, shape (N,)
+    size : int
+        Of the neighbourhood of each, in pixels of the octave.
+    octave : int
+    """
+    if compiler.available():
+        return compiled.of_corners(x, y, responses, size, octave).view(DTYPE)
+    return reference_of_corners(x, y, responses, size, octave)
+
+
+def reference_of_corners(x: np.ndarray, y: np.ndarray, responses: np.ndarray, size: int, octave: int) -> np.ndarray:
+    """`of_corners` field by field."""
+    corners = empty(len(x))
+    corners['x'], corners['y'] = x << octave, y << octave
+    corners['size'] = size << octave
+    corners['response'] = responses
+    corners['octave'] = octave
+    return corners
 
 
 def empty(count: int = 0) -> np.ndarray:

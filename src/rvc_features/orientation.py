@@ -88,6 +88,13 @@ def direction_on_the_surface(image: np.ndarray, x: np.ndarray, y: np.ndarray, si
 
 def direction(gradient_x: np.ndarray, gradient_y: np.ndarray) -> np.ndarray:
     """Direction of gradients in degrees, float32, in [0, 360)."""
+    if compiler.available():
+        return compiled.directions(gradient_x, gradient_y)
+    return reference_directions(gradient_x, gradient_y)
+
+
+def reference_directions(gradient_x: np.ndarray, gradient_y: np.ndarray) -> np.ndarray:
+    """`direction` of all gradients at once."""
     angle = (np.degrees(np.arctan2(gradient_y, gradient_x)) % 360).astype(np.float32)
     angle[angle >= 360] = 0   # what the remainder of a tiny negative angle rounds to
     return angle

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from conftest import texture
 
-from rvc_features import drawing, filters, kernels, maxima, orientation
+from rvc_features import drawing, filters, kernels, key_points, maxima, orientation
 from rvc_features.harris_detector import HarrisDetector
 from rvc_features.kernels import compiler, sorting, spread, suppression
 from rvc_features.kernels import drawing as compiled_drawing
+from rvc_features.kernels import key_points as compiled_key_points
 from rvc_features.kernels import maxima as compiled_maxima
 from rvc_features.kernels import orientation as compiled_orientation
 from rvc_features.kernels import response as compiled_response
@@ -152,6 +153,7 @@ def test_maxima_kernels_equal_reference(shape):
         for minimum in (-5.0, 0.5, 2.0):
             found = compiled_maxima.local_maxima(response, minimum)
             assert np.array_equal(found, maxima.reference_local_maxima(response, minimum))
+            assert np.array_equal(compiled_maxima.local_maxima(np.asfortranarray(response), minimum), found)
             assert np.array_equal(compiled_maxima.refine(response, *found), maxima.reference_refine(response, *found))
 
 
@@ -224,6 +226,9 @@ def test_suppression_kernel_equals_reference(count, robustness):
             assert np.array_equal(sorting.strongest_first(responses), order)
             single = responses.astype(np.float32)
             assert np.array_equal(sorting.strongest_first(single), np.argsort(-single, kind='stable'))
+            for few in (0, 1, count // 3, count + 5):
+                assert np.array_equal(sorting.strongest_first(single, few), filters.reference_order(single, few))
+                assert np.array_equal(sorting.strongest_first(responses, few), order[:few])
             falling = responses[order]
             stronger = filters.reference_stronger(falling, robustness)
             assert np.array_equal(suppression.significantly_stronger(falling, robustness), stronger)
@@ -269,8 +274,50 @@ def test_spread_kernel_gives_up_where_there_is_no_grid_to_it():
 
 @compiled
 def test_sorting_kernel_takes_any_double():
-    values = np.array([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1.0, 1.0, -1.0] * 20)
+    values = np.array([0.0, -0.0, 5e-324, -5e-324, 1.7e308, -1.7e308, 1.0, 1.0, -1.0, np.inf, -np.inf] * 20)
     assert np.array_equal(sorting.strongest_first(values), filters.reference_order(values))
+
+
+@compiled
+@pytest.mark.parametrize('kind', [np.float32, np.float64])
+@pytest.mark.parametrize('size', [70, 900, 9000])
+def test_sorting_kernel_finds_the_first_few(size, kind):
+    for values in (random.exponential(1, size), random.normal(0, 1e-3, size) + 1, random.integers(0, 4, size),
+                   np.sort(random.normal(0, 1, size))[::-1], np.sort(random.normal(0, 1, size)), np.full(size, -2)):
+        values = values.astype(kind)
+        before = values.copy()
+        for count in (0, 1, size // 10, size - 1, size, 2 * size):
+            assert np.array_equal(sorting.strongest_first(values, count), filters.reference_order(values, count))
+        assert np.array_equal(values, before)
+
+
+@compiled
+def test_key_point_kernels_equal_their_references():
+    x, y = random.integers(0, 40, (2, 50))
+    for octave in (0, 3):
+        for responses in (random.exponential(1, 50), random.exponential(1, 50).astype(np.float32)[::-1]):
+            found = compiled_key_points.of_corners(x[::-1], y, responses, 5, octave).view(key_points.DTYPE)
+            assert np.array_equal(found, key_points.reference_of_corners(x[::-1], y, responses, 5, octave))
+    sound = key_points.reference_of_corners(x, y, np.ones(50), 5, 0)
+    for name, value, expected in (('x', 39.5, True), ('x', 39.51, False), ('y', -0.5, True), ('y', -0.6, False),
+                                  ('size', 0, True), ('size', -1, False), ('angle', -1, True), ('angle', np.nan, False),
+                                  ('x', np.nan, False), ('size', np.inf, False), ('response', -np.inf, False),
+                                  ('response', -1e30, True), ('octave', -1, True)):
+        points = sound.copy()
+        points[name][17] = value
+        for some in (points, points[1::2], np.asfortranarray(points)):
+            assert key_points.reference_are_sound(some, 40, 40) == expected
+            assert compiled_key_points.are_sound(some, 40, 40) == expected
+    assert compiled_key_points.are_sound(sound[:0], 40, 40)
+
+
+@compiled
+def test_directions_kernel_equals_reference():
+    special = [[0, 0, 1, 1, -1, 0], [0, 1, 0, -1e-12, -1, -0.0]]
+    gradients = np.concatenate((random.normal(0, 9, (2, 99)), special), axis=1)
+    angles, expected = compiled_orientation.directions(*gradients), orientation.reference_directions(*gradients)
+    assert np.abs(angles - expected).max() < 1e-4
+    assert (angles < 360).all()
 
 
 def test_one_detector_in_many_threads():

@@ -9,8 +9,10 @@ from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kern
 if installed:
     from rvc_features.kernels.vectors import LANES, load, lowest_bit, maximum, splat, where_greater, where_not_less
 
+
 def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
     """Local maxima above `minimum`, x and y in reading order; reference: `maxima.reference_local_maxima`."""
+    response = np.ascontiguousarray(response)   # vectors count along its memory
     found = in_bands(lambda first, last: _local_maxima(response, minimum, first, last), *response.shape)
     return found[0] if len(found) == 1 else (np.concatenate([x for x, _ in found]),
                                              np.concatenate([y for _, y in found]))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from rvc_features.kernels.compiler import LEAST_WIDTH, installed, kernel, read_only
@@ -73,6 +75,22 @@ def _weighed_patch(values, start, stride, middle, side, length, weights, slopes,
         gradient_x += load(slopes, row_x + i) * weighed
         gradient_y += load(weights, row_x + i) * sloped
     return np.float64(sum_of(gradient_x)), np.float64(sum_of(gradient_y))
+
+
+def directions(gradient_x: np.ndarray, gradient_y: np.ndarray) -> np.ndarray:
+    """Direction of gradients in degrees, float32, in [0, 360); reference: `orientation.reference_directions`."""
+    return _directions(*(np.ascontiguousarray(gradient, np.float64) for gradient in (gradient_x, gradient_y)))
+
+
+@kernel
+def _directions(gradient_x, gradient_y):
+    result = np.empty(len(gradient_x), np.float32)
+    for i in range(len(result)):
+        angle = math.degrees(math.atan2(gradient_y[i], gradient_x[i]))
+        result[i] = np.float32(angle if angle >= 0 else angle + 360)
+        if not result[i] < 360:   # what a tiny negative angle rounds to
+            result[i] = 0
+    return result
 
 
 def products_of_cells(image: np.ndarray, side: int) -> np.ndarray:

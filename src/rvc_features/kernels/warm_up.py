@@ -16,6 +16,7 @@ from rvc_features.kernels import (
     contrast,
     corners,
     drawing,
+    key_points,
     maxima,
     orientation,
     response,
@@ -52,9 +53,10 @@ def compile_all() -> float:
         contrast.bilinear(np.ones((2, 2), np.float32), np.ones(1), np.ones(1))
         x, y = maxima.refine(values, *maxima.local_maxima(values, 10.0))
         table = np.ones((2, 16), np.float32)
-        orientation.smoothed_gradients(image, x, y, 11, table, table)
+        orientation.directions(*orientation.smoothed_gradients(image, x, y, 11, table, table))
         orientation.products_of_cells(image, 8)
         points, responses = np.column_stack((x, y)), np.ones(len(x))
+        key_points.are_sound(key_points.of_corners(x, y, responses, 3, 0), 40, 40)
         sorting.strongest_first(responses)
         sorting.strongest_first(responses.astype(np.float32))
         ring = x.astype(np.int64), y.astype(np.int64)

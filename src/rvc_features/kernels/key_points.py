@@ -1,0 +1,44 @@
+"""Key points as rows of six numbers, as they lie in memory; reference: key_points.py."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from rvc_features.kernels.compiler import kernel, read_only
+
+_NUMBERS = 6   # of a key point: x, y, size, angle, response, and the bits of the octave
+
+
+def of_corners(x: np.ndarray, y: np.ndarray, responses: np.ndarray, size: int, octave: int) -> np.ndarray:
+    """Key points of an octave's corners, one after the other; reference: `key_points.reference_of_corners`."""
+    x, y = (np.ascontiguousarray(values, np.int64) for values in (x, y))
+    return _of_corners(x, y, np.ascontiguousarray(responses, np.float32), size, octave)
+
+
+@kernel
+def _of_corners(x, y, responses, size, octave):
+    numbers = np.empty(_NUMBERS * len(x), np.float32)
+    octaves = numbers.view(np.int32)
+    size = np.float32(size << octave)
+    for i in range(len(x)):
+        at = _NUMBERS * i
+        numbers[at], numbers[at + 1] = x[i] << octave, y[i] << octave
+        numbers[at + 2], numbers[at + 3], numbers[at + 4] = size, -1, responses[i]
+        octaves[at + 5] = octave
+    return numbers
+
+
+def are_sound(key_points: np.ndarray, height: int, width: int) -> bool:
+    """Whether key points have finite numbers and all lie in the image; reference: `key_points.reference_are_sound`."""
+    return bool(_are_sound(read_only(key_points).view(np.float32), height, width))
+
+
+@kernel
+def _are_sound(numbers, height, width):
+    right, bottom, infinite = np.float32(width - 0.5), np.float32(height - 0.5), np.float32(np.inf)
+    unsound = 0
+    for at in range(0, len(numbers), _NUMBERS):
+        x, y, size = numbers[at], numbers[at + 1], numbers[at + 2]
+        unsound += not ((-0.5 <= x <= right) & (-0.5 <= y <= bottom) & (0 <= size < infinite)
+                        & (abs(numbers[at + 3]) < infinite) & (abs(numbers[at + 4]) < infinite))
+    return unsound == 0
