@@ -9,9 +9,9 @@ import time
 from typing import Any, Callable
 
 _LONGEST_VALUE = 60    # characters of a value that is shown
-_LONGEST_LINE = 200    # characters of a line in the log
-_FIRST_PERIOD, _LONGEST_PERIOD = 10.0, 40.0   # seconds between two lines about the same cause: at first, and in the end
-_FORGOTTEN = 120.0     # seconds without trouble, after which a cause is a new one
+_LONGEST_LINE = 160    # characters of a line in the log
+_PAUSE = 10.0          # seconds from one line about a cause to the next, at the least
+_MINUTE = 65.0         # seconds in which a cause has two lines; a little more, for whoever counts in minutes
 
 
 class _Short(reprlib.Repr):
@@ -45,9 +45,9 @@ def cut(text: str, most: int = _LONGEST_LINE) -> str:
 
 
 class Reporter:
-    """Says each cause of trouble in one line, less and less often while it lasts, with a count of what was left unsaid.
+    """Says each cause of trouble in one line, at most twice a minute while it lasts, with a count of those left unsaid.
 
-    Under any constant trouble that is three lines in the first minute and less than two in those that follow.
+    A line goes to the terminal, to the node's file, and with the names of all topics to /rosout: a kilobyte in all.
 
     Parameters
     ----------
@@ -92,22 +92,18 @@ class _Cause:
         self.write: Callable[[str], Any] = print
         self._unsaid = 0
         self._last_text = ''
-        self._period = 0.0
-        self._said = self._happened = -float('inf')
+        self._before = self._said = -float('inf')   # when the last two lines were written
 
     def line(self, text: str | None, now: float) -> str:
         """What is to be written now that `text`, if any, has happened; empty for nothing."""
         if text is not None:
-            if now - self._happened > _FORGOTTEN:
-                self._period = 0.0
-            self._happened, self._last_text = now, text
+            self._last_text = text
             self._unsaid += 1
-        if self._unsaid == 0 or now - self._said < self._period:
+        if self._unsaid == 0 or now - self._said < _PAUSE or now - self._before < _MINUTE:
             return ''
-        before = self._unsaid - 1
-        count = f' (and {before:,} more in {now - self._said:.0f} s)' if before else ''
-        self._unsaid, self._said = 0, now
-        self._period = min(max(2 * self._period, _FIRST_PERIOD), _LONGEST_PERIOD)
+        others = self._unsaid - 1
+        count = f' (and {others:,} more in {now - self._said:.0f} s)' if others else ''
+        self._unsaid, self._before, self._said = 0, self._said, now
         return cut(self._last_text, _LONGEST_LINE - len(count)) + count
 
 

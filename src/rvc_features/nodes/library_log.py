@@ -19,6 +19,7 @@ _RECENT = 60.0   # seconds: longer than what lasts is left unsaid in between
 _MOST = 5        # warnings that are kept
 _KIND = 16       # characters at the beginning of a text that tell its kind
 _MOST_KINDS = 50
+_TRACEBACK = 'Traceback (most recent call last):'
 _SHORTENED = 'is_shortened'   # attribute of records that have been through the filter
 
 
@@ -63,7 +64,7 @@ class RosLog(logging.Filter):
         if (record.levelno < least or not record.pathname.startswith(_ROS)
                 or getattr(record, _SHORTENED, False)):
             return True
-        text = record.getMessage() + (f' {record.exc_info[1]}' if record.exc_info else '')
+        text = _without_traceback(record.getMessage()) + (f' {record.exc_info[1]}' if record.exc_info else '')
         kind = f'{record.name} {re.sub("[^a-z ]", "", text[:_KIND].lower())}'
         if kind not in self._kinds and len(self._kinds) >= _MOST_KINDS:
             kind = record.name
@@ -71,6 +72,12 @@ class RosLog(logging.Filter):
         reporter().say(functools.partial(logging.getLogger(record.name).log, record.levelno,
                                          extra={_SHORTENED: True}), kind, text)
         return False
+
+
+def _without_traceback(text: str) -> str:
+    """A text with what was raised in place of the traceback in it: cut to one line, that would be all but its point."""
+    before, found, after = text.partition(_TRACEBACK)
+    return text if not found else before + after.rstrip().rpartition('\n')[2]
 
 
 # rospy gives the outermost place in the stack for what its own modules log.
