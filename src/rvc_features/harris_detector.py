@@ -167,7 +167,7 @@ class HarrisDetector(FeatureDetector):
         if len(together) <= MOST_CORNERS:
             return together
         reporter().say(_logger.warning, 'too many corners',
-                       f'only the strongest {MOST_CORNERS:,} of {len(together):,} corners are looked at; raise '
+                       f'only the strongest {MOST_CORNERS:,} of {len(together):,} or more corners are looked at; raise '
                        'minimum_response or minimum_contrast, or set local_maxima')
         return together.take(np.sort(filters.strongest(together['response'], MOST_CORNERS)))
 
@@ -248,7 +248,8 @@ class HarrisDetector(FeatureDetector):
     def _corners_above(self, least: float, strength: np.ndarray,
                        mask: np.ndarray | None) -> tuple[np.ndarray, np.ndarray]:
         """x and y in pixels of the octave, inside border and mask, in reading order."""
-        x, y = (maxima.local_maxima if self.local_maxima else maxima.pixels_above)(strength, least)
+        x, y = (maxima.local_maxima(strength, least) if self.local_maxima
+                else maxima.pixels_above(strength, least, 4 * MOST_CORNERS))   # as they may rank otherwise
         if self.border > 0:
             inside = ((x >= self.border) & (x < strength.shape[1] - self.border)
                       & (y >= self.border) & (y < strength.shape[0] - self.border))

@@ -1,12 +1,13 @@
 """What a detector returns is checked where it returns it."""
 
+import re
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 import pytest
 
-from rvc_features import key_points
+from rvc_features import key_points, maxima
 from rvc_features.feature_detector import FeatureDetector
 from rvc_features.harris_detector import MOST_CORNERS, HarrisDetector
 
@@ -70,12 +71,20 @@ def test_settings_that_take_every_pixel_are_bounded_and_it_is_said(caplog):
     ruinous = {'strength': 'harris', 'evenness': 0.0, 'local_maxima': False, 'threshold': 0.0, 'minimum_response': 0.0}
     found = HarrisDetector(**ruinous).detect_arrays(image)
     assert len(found) == MOST_CORNERS
-    assert f'only the strongest {MOST_CORNERS:,} of 1,0' in caplog.text
+    assert re.search(rf'only the strongest {MOST_CORNERS:,} of \d{{3}},\d{{3}} or more corners', caplog.text)
     # They are the strongest indeed, and the same as those that one asks for by their number.
     asked = HarrisDetector(**ruinous, fixed_number_of_points=True, number_of_points=MOST_CORNERS).detect_arrays(image)
     assert np.array_equal(found, asked)
     spread = HarrisDetector(**ruinous, anms=True, anms_points=50).detect_arrays(image)
     assert len(spread) == 50
+
+
+def test_of_pixels_above_the_least_the_strongest_are_listed():
+    response = np.array([[5, 1, 7, 5], [5, 9, 5, 0]], np.float32)
+    listed = [list(zip(*maxima.pixels_above(response, 1, most))) for most in (None, 6, 4, 0)]
+    assert listed[0] == listed[1] == [(0, 0), (2, 0), (3, 0), (0, 1), (1, 1), (2, 1)]
+    assert listed[2] == [(0, 0), (2, 0), (3, 0), (1, 1)]   # of equals the first
+    assert listed[3] == []
 
 
 def test_a_sigma_so_small_that_its_square_is_zero_smooths_nothing():

@@ -12,6 +12,7 @@ from pathlib import Path
 import genpy
 import rosgraph
 import rospy
+from rospy.impl.paramserver import get_param_server_cache
 
 from rvc_features.brief import cut, reporter
 
@@ -20,6 +21,7 @@ _MOST = 5        # warnings that are kept
 _KIND = 16       # characters at the beginning of a text that tell its kind
 _MOST_KINDS = 50
 _TRACEBACK = 'Traceback (most recent call last):'
+_OMIT_TOPICS = '/rosout_disable_topics_generation'
 _SHORTENED = 'is_shortened'   # attribute of records that have been through the filter
 
 
@@ -72,6 +74,16 @@ class RosLog(logging.Filter):
         reporter().say(functools.partial(logging.getLogger(record.name).log, record.levelno,
                                          extra={_SHORTENED: True}), kind, text)
         return False
+
+
+def log_without_master() -> None:
+    """Have lines for /rosout published without a question to the master; the node must be initialised.
+
+    rospy asks for this parameter before each line, for as long as it is not set: without a master that is a traceback
+    in the node's file in place of the line, and with one that hangs, whoever has something to say hangs, too.
+    """
+    value = rospy.get_param_cached(_OMIT_TOPICS, False)   # from then on the master tells of changes
+    get_param_server_cache().set(_OMIT_TOPICS, value)
 
 
 def _without_traceback(text: str) -> str:

@@ -13,7 +13,7 @@ import rospy
 import yaml
 
 from rvc_features.brief import cut, shown
-from rvc_features.nodes.library_log import RosLog, library_log
+from rvc_features.nodes.library_log import RosLog, library_log, log_without_master
 from rvc_features.reconfigure import warn_of_refused
 
 
@@ -57,6 +57,7 @@ def spin(name: str, node: Callable[[], Any], anonymous: bool = False) -> int:
 
     def start() -> None:
         try:
+            log_without_master()
             result = node()
             status[0] = result if isinstance(result, int) else 0
         except Exception:
