@@ -1,6 +1,7 @@
 """Memory that large frames took is given back when smaller ones come, and not before."""
 
 import ctypes
+import gc
 import subprocess
 import sys
 from pathlib import Path
@@ -111,3 +112,13 @@ def test_in_a_process_of_its_own_memory_really_goes_down():
 
 def test_resident_bytes_are_those_of_this_process():
     assert 5e6 < heap.resident_bytes() < 1e11
+
+
+def test_what_is_there_when_all_is_loaded_is_not_looked_through_for_garbage():
+    kept = [[number] for number in range(10_000)]
+    try:
+        heap.settle()
+        assert gc.get_freeze_count() > len(kept)
+        assert len(gc.get_objects()) < 1000
+    finally:
+        gc.unfreeze()

@@ -13,7 +13,7 @@ import rospy
 
 from rvc_features import key_points
 from rvc_features.brief import reporter, shown
-from rvc_features.heap import resident_bytes
+from rvc_features.heap import resident_bytes, settle
 from rvc_features.image_transport.encodings import ImageError
 from rvc_features.kernels import compiler
 from rvc_features.nodes import detector_modules
@@ -89,6 +89,7 @@ class Supervision:
 
     def started(self) -> None:
         """The node can work on images: subscribe while somebody listens, and watch the graph."""
+        settle()
         self.starting = ''
         self._subscribing.start()
         self.graph_watch.start()
