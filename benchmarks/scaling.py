@@ -11,7 +11,7 @@ from benchmarks import images
 from benchmarks.harness import SIZES, Report, in_turn
 from rvc_features import filters, key_points, maxima
 from rvc_features.harris_detector import HarrisDetector
-from rvc_features.orientation import direction_on_the_surface
+from rvc_features.orientation import direction_of_scales
 from rvc_features.response import response_and_maximum
 
 _RATE = 30   # frames per second of a camera
@@ -52,7 +52,7 @@ def _parts(detector: HarrisDetector, image: np.ndarray) -> dict[str, Callable[[]
         'local maxima': lambda: maxima.local_maxima(response, least),
         'strongest 500': lambda: filters.strongest(strength, 500),
         'sub-pixel': lambda: maxima.refine(response, x[chosen], y[chosen]),
-        'orientation': lambda: direction_on_the_surface(image, found['x'], found['y'], detector.orientation_sigma),
+        'orientation': lambda: direction_of_scales(image, found['x'], found['y'], detector.orientation_sigma),
         'KeyPoint objects': lambda: key_points.to_objects(found),
         'grey from colour (not part of it)': lambda: cv2.cvtColor(colour, cv2.COLOR_BGR2GRAY),
     }

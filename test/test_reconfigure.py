@@ -62,8 +62,9 @@ class TestReconfigure(unittest.TestCase):
                                     name)
         default = self.expect('harris', {})
         for name, value in {'strength': 'harris', 'evenness': 1.0, 'minimum_contrast': 100.0, 'window_size': 11,
-                            'window': 'box'}.items():
-            self.assertNotEqual(self.expect('harris', {name: value}, **{name: value}).x, default.x, name)
+                            'window': 'box', 'shape_adaptation': False}.items():
+            message = self.expect('harris', {name: value}, **{name: value})
+            self.assertNotEqual((message.x, message.angle), (default.x, default.angle), name)
         self.assertEqual(len(self.expect('harris', {'fixed_number_of_points': True, 'number_of_points': 7},
                                          fixed_number_of_points=True, number_of_points=7).x), 7)
         self.assertEqual(len(self.expect('harris', {'ANMS': True, 'ANMS_points': 9, 'ANMS_robustness': 0.5},

@@ -12,7 +12,7 @@ from rvc_features import contrast, filters, key_points, maxima, response, two_sc
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.octaves import Octave, compete, joined, merged, pyramid
-from rvc_features.orientation import direction_on_the_surface, gradient_orientation
+from rvc_features.orientation import direction_of_scales, gradient_orientation
 from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
 from rvc_features.search import ResponseMaps, Search
 
@@ -88,6 +88,9 @@ class HarrisDetector(FeatureDetector):
     orientation_sigma: float = parameter(1.6, Real(
         'Size of the larger kernel for the orientation: standard deviation in pixels of the octave; with two_scales, '
         'also kernels of two, four and eight times that size.', 0.1, 50))
+    shape_adaptation: bool = parameter(True, Flag(
+        'Let directions stay on the surface when it tilts, by the structure tensor round the point; without, they are '
+        'the gradients\', which turn descriptors better. With two_scales.'))
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Corners of every octave, one filter over all of them together, then the direction of those left."""
@@ -196,8 +199,9 @@ class HarrisDetector(FeatureDetector):
         for octave, (image, _) in enumerate(octaves):
             here = slice(None) if len(octaves) == 1 else np.flatnonzero(points['octave'] == octave)
             x, y = (points[name][here] / (1 << octave) for name in 'xy')
-            orientation = direction_on_the_surface if self.strength == 'two_scales' else gradient_orientation
-            points['angle'][here] = orientation(image, x, y, self.orientation_sigma)
+            points['angle'][here] = (
+                gradient_orientation(image, x, y, self.orientation_sigma) if self.strength == 'harris'
+                else direction_of_scales(image, x, y, self.orientation_sigma, self.shape_adaptation))
 
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """Strength of every pixel of the full image."""

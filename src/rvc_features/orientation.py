@@ -47,19 +47,23 @@ def smoothed_gradient(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: fl
     return reference_gradients(image, x, y, sigma)
 
 
-def direction_on_the_surface(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> np.ndarray:
-    """Direction at each point that stays on the surface seen, however it turns, tilts or comes nearer.
+def direction_of_scales(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float,
+                        shape_adaptation: bool = True) -> np.ndarray:
+    """Direction at each point by four scales together, on the surface that is seen or in the image.
 
     The gradients at four scales, sigma and two, four and eight times that, each times its scale, are added, so that
     one is there where the others are weak. When a surface is tilted, what is drawn on it is compressed: gradients grow
     in that direction, and turn towards it, where an arrow on the surface turns away from it. How the texture
     round the point is compressed is told by its structure tensor [A B; B C], the gradient's products averaged; its
-    inverse times the gradient turns as the arrow does.
+    inverse times the gradient turns as the arrow does. The patch of a descriptor is not compressed with the surface,
+    and the gradient alone turns it better.
 
     Parameters
     ----------
     image, x, y, sigma
         As for `gradient_orientation`.
+    shape_adaptation : bool
+        Whether the direction is to stay on the surface when it tilts; otherwise it is that of the gradients.
 
     Returns
     -------
@@ -80,6 +84,8 @@ def direction_on_the_surface(image: np.ndarray, x: np.ndarray, y: np.ndarray, si
         # 2 pi sigma^4 times the gradient at an octave is so many times sigma times the full image's.
         there = smoothed_gradient(level, x / (1 << octave), y / (1 << octave), sigma)
         gradient_x, gradient_y = gradient_x + there[0], gradient_y + there[1]
+    if not shape_adaptation:
+        return direction(gradient_x, gradient_y)
     a, b, c = _products_round(half, x / 2, y / 2)
     # Where all gradients point the same way, or there are none, the tensor alone has no inverse.
     rest = _LEAST_SPREAD / 2 * (a + c) + _LEAST_PRODUCT
@@ -179,5 +185,5 @@ _STEPS = 64              # from one pixel to the next: the Gaussians are kept fo
 _SCALES = 4              # each twice the one before
 _CELL = 8                # pixels of the image at half its size: squares over which the products are averaged first
 _SPREAD = 2.0            # cells: standard deviation of the Gaussian that averages over these
-_LEAST_SPREAD = 0.5      # share of the tensor's trace that is added to make it rounder
+_LEAST_SPREAD = 1.0      # share of the tensor's trace that is added to make it rounder
 _LEAST_PRODUCT = 1e-6    # squared gradient, in grey values by Sobel's masks: not to divide by nothing

@@ -42,7 +42,8 @@ _PRESETS = {
     'matching': Preset(
         'Points of several scales with size and direction, to be described and matched through a change of scale.',
         'A corner that several octaves show is several points; repeatability at 1.5 px is lower by a tenth.',
-        {'octaves': 3, 'merge_octaves': False, 'fixed_number_of_points': True}),
+        {'octaves': 3, 'merge_octaves': False, 'evenness': 0.5, 'shape_adaptation': False,
+         'fixed_number_of_points': True}),
 }
 
 

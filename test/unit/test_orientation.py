@@ -26,9 +26,20 @@ def test_directions_stay_on_a_tilted_surface():
     """Where the gradient alone turns towards the direction in which the surface is foreshortened."""
     image = texture((400, 400), seed=5, smoothing=4.0)
     tilt = np.array([[0.45, 0, 110], [0.1, 1, -20], [0, 0, 1]])
-    on_the_surface = np.median(errors_at_truth(orientation.direction_on_the_surface, image, tilt))
-    assert on_the_surface < 13
+    on_the_surface = np.median(errors_at_truth(orientation.direction_of_scales, image, tilt))
+    assert on_the_surface < 14
     assert on_the_surface < 0.75 * np.median(errors_at_truth(orientation.gradient_orientation, image, tilt))
+
+
+def test_without_shape_adaptation_directions_are_the_gradients():
+    """A ramp to the right under diagonal stripes, whose normal the adaptation turns away from."""
+    y, x = np.mgrid[:160, :160]
+    image = (40 + x + 20 * np.cos((x + y) * 2 * np.pi / 16)).astype(np.float32)
+    on_a_crest = np.array([80.0]), np.array([80.0])
+    (gradients,) = orientation.direction_of_scales(image, *on_a_crest, 1.6, shape_adaptation=False)
+    (adapted,) = orientation.direction_of_scales(image, *on_a_crest, 1.6)
+    assert min(gradients, 360 - gradients) < 2
+    assert 315 < adapted < 350   # 315 runs along the stripes
 
 
 @pytest.mark.parametrize('degrees', [40, 200])
@@ -51,18 +62,18 @@ def test_directions_turn_with_a_noisy_picture(degrees):
 @pytest.mark.parametrize('shape', [(1, 1), (3, 5), (17, 40), (70, 19)])
 def test_images_of_any_size_have_directions(shape):
     image = np.random.default_rng(1).integers(0, 256, shape).astype(np.uint8)
-    angles = orientation.direction_on_the_surface(image, np.array([0.0]), np.array([shape[0] - 1.0]), 1.6)
+    angles = orientation.direction_of_scales(image, np.array([0.0]), np.array([shape[0] - 1.0]), 1.6)
     assert 0 <= angles[0] < 360
     flat = np.full(shape, 97, np.uint8)
-    assert orientation.direction_on_the_surface(flat, np.array([0.0]), np.array([0.3]), 1.6) == [0]
+    assert orientation.direction_of_scales(flat, np.array([0.0]), np.array([0.3]), 1.6) == [0]
 
 
 def test_directions_are_the_same_without_kernels(monkeypatch):
     image = texture((90, 120))
     x, y = np.random.default_rng(2).uniform(0, 89, (2, 100))
     for each in (image, image.astype(np.float32)):
-        angles = orientation.direction_on_the_surface(each, x, y, 1.6)
+        angles = orientation.direction_of_scales(each, x, y, 1.6)
         with monkeypatch.context() as without:
             without.setattr(compiler, 'available', lambda: False)
-            reference = orientation.direction_on_the_surface(each, x, y, 1.6)
+            reference = orientation.direction_of_scales(each, x, y, 1.6)
         assert np.abs((angles - reference + 180) % 360 - 180).max() < 0.01
