@@ -53,12 +53,12 @@ class TestReconfigure(unittest.TestCase):
         plain = self.expect('harris', sheet, **sheet)
         for name, value in {
             'window_size': 11, 'window': 'box', 'threshold': 0.15, 'minimum_response': 500000.0, 'harris_k': 0.15,
-            'octaves': 3, 'local_maxima': False, 'subpixel': False, 'derivative_sigma': 1.5, 'border': 40,
-            'orientation_sigma': 7.0,
+            'octaves': 3, 'octave_layers': 2, 'local_maxima': False, 'subpixel': False, 'derivative_sigma': 1.5,
+            'border': 40, 'orientation_sigma': 7.0,
         }.items():
             message = self.expect('harris', {**sheet, name: value}, **{**sheet, name: value})
             if name != 'minimum_response':
-                self.assertNotEqual((message.x, message.angle, message.octave), (plain.x, plain.angle, plain.octave),
+                self.assertNotEqual((message.x, message.angle, message.size), (plain.x, plain.angle, plain.size),
                                     name)
         default = self.expect('harris', {})
         for name, value in {'strength': 'harris', 'evenness': 1.0, 'minimum_contrast': 100.0, 'window_size': 11,

@@ -11,7 +11,7 @@ import numpy as np
 from rvc_features import contrast, filters, key_points, maxima, response, two_scales
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
-from rvc_features.octaves import Octave, compete, joined, merged, pyramid
+from rvc_features.octaves import Octave, compete, in_layers, joined, merged, pyramid
 from rvc_features.orientation import direction_of_scales, gradient_orientation
 from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
 from rvc_features.search import ResponseMaps, Search
@@ -79,6 +79,8 @@ class HarrisDetector(FeatureDetector):
     derivative_sigma: float = parameter(0.0, response.DERIVATIVE_SIGMA)
     merge_octaves: bool = parameter(True, Flag(
         'One point for each corner, however many octaves show it; with two_scales.'))
+    octave_layers: int = parameter(1, Integer(
+        'Key points of each corner and octave, at sizes evenly up to the next octave, for descriptors.', 1, 8))
     local_maxima: bool = parameter(True, Flag(
         'Take only local maxima of the strength; without, every pixel that passes is a point.'))
     subpixel: bool = parameter(True, Flag(
@@ -167,6 +169,8 @@ class HarrisDetector(FeatureDetector):
             together = merged(corners, self.anms_points if self.anms else self.number_of_points)
         else:
             together = joined(corners)
+        if self.octave_layers > 1:
+            together = in_layers(together, self.octave_layers)
         if len(together) <= MOST_CORNERS:
             return together
         reporter().say(_logger.warning, 'too many corners',

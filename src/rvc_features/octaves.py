@@ -41,6 +41,17 @@ def joined(corners: Sequence[np.ndarray]) -> np.ndarray:
     return np.concatenate([of_octave.view(np.uint8) for of_octave in corners]).view(key_points.DTYPE)
 
 
+def in_layers(corners: np.ndarray, layers: int) -> np.ndarray:
+    """Each corner `layers` times, at sizes evenly between its octave and the next: 1, sqrt(2) times its own for two.
+
+    A corner looks like one at many scales, and what is drawn round it is not the same at all of them: two images whose
+    scales differ by less than an octave then have points that are to be described at the same scale.
+    """
+    repeated = corners.repeat(layers)
+    repeated['size'] *= np.tile(2 ** (np.arange(layers) / layers), len(corners)).astype(np.float32)
+    return repeated
+
+
 def compete(responses: np.ndarray, pixels: int) -> np.ndarray:
     """Responses of an octave as multiples of the one that one pixel in a thousand exceeds.
 

@@ -41,8 +41,8 @@ _PRESETS = {
         {'evenness': 1.0, 'anms': True, 'anms_pool': 1.3}),
     'matching': Preset(
         'Points of several scales with size and direction, to be described and matched through a change of scale.',
-        'A corner that several octaves show is several points; repeatability at 1.5 px is lower by a tenth.',
-        {'octaves': 3, 'merge_octaves': False, 'evenness': 0.5, 'shape_adaptation': False,
+        'A corner is two points of different sizes in each octave that shows it; the places are half as many.',
+        {'octaves': 3, 'merge_octaves': False, 'octave_layers': 2, 'evenness': 0.5, 'shape_adaptation': False,
          'fixed_number_of_points': True}),
 }
 

@@ -151,6 +151,21 @@ def test_octaves_share_the_points_and_a_corner_is_one_point():
     assert np.mean(apart.min(axis=1) < 4) > 0.2   # a corner in two octaves is two points
 
 
+def test_layers_are_each_corner_again_at_sizes_up_to_the_next_octave():
+    image = texture((300, 400), smoothing=2.0)
+    apart = {'octaves': 2, 'merge_octaves': False, 'fixed_number_of_points': True}
+    corners = HarrisDetector(**apart, number_of_points=40).detect_arrays(image)
+    points = HarrisDetector(**apart, octave_layers=2, number_of_points=79).detect_arrays(image)
+    once, again = points[::2], points[1::2]
+    assert once.tolist() == corners.tolist()
+    np.testing.assert_allclose(again['size'], corners['size'][:-1] * 2 ** 0.5, rtol=1e-6)
+    for name in ('x', 'y', 'angle', 'response', 'octave'):
+        assert again[name].tolist() == corners[name][:-1].tolist()
+    spread = HarrisDetector(octave_layers=3, anms=True, anms_points=60).detect_arrays(image)
+    assert len(spread) == 60
+    assert len(set(zip(spread['x'], spread['y']))) == 20
+
+
 @pytest.mark.parametrize('name', presets.names())
 def test_presets_give_the_number_asked_for(name):
     image = texture((400, 500))
