@@ -86,6 +86,16 @@ def test_bands_of_rows_make_no_difference(in_bands, window, derivative_sigma):
 
 
 @compiled
+@pytest.mark.parametrize('shape', [(5, 511), (6, 512), (7, 513), (6, 527), (5, 528), (4, 529), (3, 1040)])
+def test_smallest_box_goes_on_from_block_to_block(shape):
+    """It takes 512 columns at a time, and needs one more on either side."""
+    for _, image in images(shape):
+        response, largest = compiled_response.response(image, 3, 'box', 0.04)
+        assert_equal_response(response, reference_response(image, 3, 'box', 0.04, 0.0))
+        assert largest == response.max()
+
+
+@compiled
 def test_too_narrow_for_the_kernel_is_an_error():
     with pytest.raises(ValueError, match='at least 18 pixels wide; got 17'):
         compiled_response.response(np.zeros((100, 17), np.uint8), 3, 'box', 0.04)

@@ -4,8 +4,8 @@
     suppression: of filters
     smallest_box: the shortest way to the response with the box of 3x3
     corners, blocks: the way from there to the strongest corners that leaves most of an image out
-    compiler: the decorator, and what all share; rows, resampling, smoothing, vectors: what kernels over
-    whole images are made of
+    compiler: the decorator, and what all share; rows, resampling, smoothing, vectors, instructions: what kernels
+    over whole images are made of
     cache, cache_folder: what was compiled, kept on disk
     warm_up: compiles all of them before the first frame
 

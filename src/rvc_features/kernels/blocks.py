@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels.compiler import installed, kernel
-from rvc_features.kernels.smallest_box import added, response_of_sums, sums_along_the_row
+from rvc_features.kernels.smallest_box import response_of_sums
 
 if installed:
     from rvc_features.kernels.vectors import (
@@ -16,6 +16,9 @@ if installed:
         load_double,
         maximum,
         mean_rounded_up,
+        only_even,
+        only_odd,
+        products_of_pairs,
         splat,
         splat_double,
         splat_half,
@@ -156,18 +159,18 @@ def _responses_of_block(gradients, rows, at, harris_k, bound, responses, to, len
     """Responses of sixteen columns in four rows, if any exceeds the bound; returns whether one does."""
     scale = np.float32(1 / 81)
     harris_k, scale = splat_half(harris_k * scale), splat_half(scale)
-    sums_0 = sums_along_the_row(gradients, rows[0] + at, rows[0] + GRADIENTS + at)
-    sums_1 = sums_along_the_row(gradients, rows[1] + at, rows[1] + GRADIENTS + at)
-    sums_2 = sums_along_the_row(gradients, rows[2] + at, rows[2] + GRADIENTS + at)
-    pairs = added(sums_1, sums_2)
-    response_0 = response_of_sums(added(sums_0, pairs), harris_k, scale)
-    sums_3 = sums_along_the_row(gradients, rows[3] + at, rows[3] + GRADIENTS + at)
-    response_1 = response_of_sums(added(pairs, sums_3), harris_k, scale)
-    sums_4 = sums_along_the_row(gradients, rows[4] + at, rows[4] + GRADIENTS + at)
-    pairs = added(sums_3, sums_4)
-    response_2 = response_of_sums(added(sums_2, pairs), harris_k, scale)
-    sums_5 = sums_along_the_row(gradients, rows[5] + at, rows[5] + GRADIENTS + at)
-    response_3 = response_of_sums(added(pairs, sums_5), harris_k, scale)
+    sums_0 = _sums_along_the_row(gradients, rows[0] + at, rows[0] + GRADIENTS + at)
+    sums_1 = _sums_along_the_row(gradients, rows[1] + at, rows[1] + GRADIENTS + at)
+    sums_2 = _sums_along_the_row(gradients, rows[2] + at, rows[2] + GRADIENTS + at)
+    pairs = _added(sums_1, sums_2)
+    response_0 = response_of_sums(_added(sums_0, pairs), harris_k, scale)
+    sums_3 = _sums_along_the_row(gradients, rows[3] + at, rows[3] + GRADIENTS + at)
+    response_1 = response_of_sums(_added(pairs, sums_3), harris_k, scale)
+    sums_4 = _sums_along_the_row(gradients, rows[4] + at, rows[4] + GRADIENTS + at)
+    pairs = _added(sums_3, sums_4)
+    response_2 = response_of_sums(_added(sums_2, pairs), harris_k, scale)
+    sums_5 = _sums_along_the_row(gradients, rows[5] + at, rows[5] + GRADIENTS + at)
+    response_3 = response_of_sums(_added(pairs, sums_5), harris_k, scale)
     most = maximum(maximum(response_0, response_1), maximum(response_2, response_3))
     if where_greater(most, splat(bound)) == 0:
         return False
@@ -176,3 +179,25 @@ def _responses_of_block(gradients, rows, at, harris_k, bound, responses, to, len
     store(responses, to + 2 * length, response_2)
     store(responses, to + 3 * length, response_3)
     return True
+
+
+@kernel
+def _sums_along_the_row(gradients, x, y):
+    """Products of sixteen gradients, in x and in y from those places on, summed over a pixel and its neighbours.
+
+    Six half vectors: of A, B and C, each of the even pixels 0, 2, 4 and so on, and of the odd ones. Pixels 0 and 1 are
+    in the sums of both; neighbour -1 is added to the even ones, 2 to the odd.
+    """
+    x_before, x_here, x_after = load(gradients, x - 1), load(gradients, x), load(gradients, x + 1)
+    y_before, y_here, y_after = load(gradients, y - 1), load(gradients, y), load(gradients, y + 1)
+    x_one, y_one, x_two, y_two = only_even(x_before), only_even(y_before), only_odd(x_after), only_odd(y_after)
+    a, b, c = products_of_pairs(x_here, x_here), products_of_pairs(x_here, y_here), products_of_pairs(y_here, y_here)
+    return (products_of_pairs(x_one, x_before) + a, a + products_of_pairs(x_two, x_after),
+            products_of_pairs(x_one, y_before) + b, b + products_of_pairs(x_two, y_after),
+            products_of_pairs(y_one, y_before) + c, c + products_of_pairs(y_two, y_after))
+
+
+@kernel
+def _added(a, b):
+    """Sums of six and six half vectors."""
+    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]

@@ -1,8 +1,10 @@
 """The Harris response with the box window of 3x3 pixels, of uint8 images: the shortest way; reference: response.py.
 
-Sums of three neighbours are made where products are: one instruction multiplies sixteen gradients and adds two
-neighbouring products. Even pixels and odd ones, whose pairs differ, are kept apart until the response is stored. All
-sums are whole numbers below 2^24, exact in single precision.
+Two rows at a time, block of columns by block, so that everything but the image stays in the nearest cache. Down the
+columns gradients are kept in int16, sixteen to a vector, and their products summed over three rows in float32, where
+product and sum are one instruction. Even pixels and odd ones are kept apart until the response is stored: then the
+sums of three neighbours along the row share the sum of two, and half of them need not be read from odd places.
+All sums are whole numbers below 2^24, exact in single precision, but for a factor that is a power of two.
 """
 
 from __future__ import annotations
@@ -10,112 +12,186 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels.compiler import installed, kernel
-from rvc_features.kernels.rows import (
-    gradient_buffers,
-    next_gradient_parts,
-    reflect,
-    reflect_ends,
-    row_length,
-    sobel_gradient,
-    zeros,
-)
+from rvc_features.kernels.rows import reflect, row_length, zeros
 
 if installed:
+    from rvc_features.kernels.instructions import SCALE, expect_to_read, expect_to_write, scaled_evens, scaled_odds
     from rvc_features.kernels.vectors import (
         LANES,
         interleaved,
         load,
         load_half,
         maximum,
-        only_even,
-        only_odd,
-        products_of_pairs,
         splat_half,
         store,
         to_float32,
+        widened,
     )
 
-_HALF = 8   # half a vector
-_INT16, _INT32 = np.empty(0, np.int16), np.empty(0, np.int32)
+_BLOCK = 512   # columns
+_STRIDE = (_BLOCK + 64) // 2   # from one part of the sums to the next: even or odd columns of a block, and ends
+_UINT8, _INT16, _FLOAT32 = np.empty(0, np.uint8), np.empty(0, np.int16), np.empty(0, np.float32)
 
 
 @kernel
 def response(image, harris_k, out, first, last):
     """Fill in the rows from `first` to before `last`; returns the largest value in them."""
     height, width = image.shape
-    smoothed, rows, parts = gradient_buffers(width, None, _INT16)
     length = row_length(width, LANES)
-    gradients = zeros(2 * length, _INT16).reshape((2, length))
-    sums = zeros(3 * 3 * length, _INT32)   # along the row, of three rows: 3 x 2 half vectors to 16 pixels
+    pixels, kept = zeros(2 * length, _UINT8), zeros(8 * length, _INT16)
+    sums = zeros(2 * 6 * _STRIDE, _FLOAT32)   # of two rows: A, B and C, each of even and of odd columns
     largest = np.full(LANES, -np.inf, np.float32)
-    for y in range(first - 1, last + 1):
-        next_gradient_parts(image, reflect(y, height), False, None, smoothed, rows, parts)
-        for i in range(0, width, LANES):
-            x_gradient, y_gradient = sobel_gradient(parts, i)
-            store(gradients, LANES + i, x_gradient)
-            store(gradients, LANES + length + i, y_gradient)
-        for part in range(2):
-            reflect_ends(gradients[part], LANES, width, 1)
-        new, middle, old = (y + 3) % 3 * 3 * length, (y + 2) % 3 * 3 * length, (y + 1) % 3 * 3 * length
-        if y > first:
-            _response_of_row(gradients, sums, new, middle, old, harris_k, out, y - 1, largest)
-        else:
-            for i in range(0, width, LANES):
-                _sums_of_three(gradients, min(i, width - LANES), sums, new + 3 * i)
+    last_responses = zeros(LANES, _FLOAT32)
+    for y in range(first - 4, last, 2):   # the first two times there are no gradients of rows y - 1 and y yet
+        for row in range(2):
+            _copy_ends(image, reflect(y + 2 + row, height), pixels, row * length + LANES)
+        for start in range(0, width + LANES, _BLOCK):
+            _sums_down_the_columns(image, pixels, kept, y, start, min(start + _BLOCK, width), sums)
+            if y >= first:
+                _reflect_ends(sums, start, width)
+                _responses(sums, min(2, last - y), harris_k, out, y, start, largest)
+                if width % LANES > 0 and start + _BLOCK >= width + LANES:
+                    _last_responses(sums, min(2, last - y), harris_k, out, y, start, largest, last_responses)
+                for part in range(0, len(sums), _STRIDE):   # the block's last columns are the next one's lead
+                    store(sums, part, load(sums, part + _BLOCK // 2))
     return largest.max()
 
 
 @kernel
-def _response_of_row(gradients, sums, new, middle, old, harris_k, out, y, largest):
+def _copy_ends(image, y, pixels, start):
+    """The first and last columns of a row, with one more on either side."""
+    width = image.shape[1]
+    for x in (0, min(LANES, width - LANES), max(width - 2 * LANES, 0), width - LANES):
+        store(pixels, start + x, load(image, y * width + x))
+    pixels[start - 1], pixels[start + width] = pixels[start + 1], pixels[start + width - 2]
+
+
+@kernel
+def _sums_down_the_columns(image, pixels, kept, y, start, end, sums):
+    """Sums of products over three rows, for the columns from `start` to before `end` of rows y and y + 1."""
+    height, width = image.shape
+    length = len(kept) // 8
+    above, below = reflect(y + 2, height) * width, reflect(y + 3, height) * width
+    for x in range(start, end, LANES):
+        x_0, y_0, x_1, y_1 = (load(kept, x), load(kept, length + x), load(kept, 2 * length + x),
+                              load(kept, 3 * length + x))
+        if 0 < x < width - LANES:
+            expect_to_read(image, above + 2 * width + x)
+            expect_to_read(image, below + 2 * width + x)
+            next_rows = _along_the_row(image, above + x), _along_the_row(image, below + x)
+        else:
+            next_rows = _along_the_row(pixels, LANES + x), _along_the_row(pixels, length + LANES + x)
+        x_2, y_2, x_3, y_3 = _next_gradients(next_rows, kept, length, x)
+        if y == 0:   # beyond the edges products are those of the rows within
+            x_0, y_0 = x_2, y_2
+        if y + 1 == height:
+            x_2, y_2 = x_0, y_0
+        if y + 2 == height:
+            x_3, y_3 = x_1, y_1
+        at = LANES + (x - start) // 2
+        _sums_of_rows(sums, at, scaled_evens(x_0), scaled_evens(y_0), scaled_evens(x_1), scaled_evens(y_1),
+                      scaled_evens(x_2), scaled_evens(y_2), scaled_evens(x_3), scaled_evens(y_3))
+        _sums_of_rows(sums, at + _STRIDE, scaled_odds(x_0), scaled_odds(y_0), scaled_odds(x_1), scaled_odds(y_1),
+                      scaled_odds(x_2), scaled_odds(y_2), scaled_odds(x_3), scaled_odds(y_3))
+
+
+@kernel
+def _next_gradients(next_rows, kept, length, x):
+    """Gradients in x and in y of sixteen columns of the next two rows; what the ones after them need is kept."""
+    difference_0, difference_1 = load(kept, 4 * length + x), load(kept, 5 * length + x)
+    sum_0, sum_1 = load(kept, 6 * length + x), load(kept, 7 * length + x)
+    (difference_2, sum_2), (difference_3, sum_3) = next_rows
+    pair = difference_1 + difference_2
+    x_2, y_2 = (difference_0 + difference_1) + pair, sum_2 - sum_0
+    x_3, y_3 = pair + (difference_2 + difference_3), sum_3 - sum_1
+    store(kept, x, x_2)
+    store(kept, length + x, y_2)
+    store(kept, 2 * length + x, x_3)
+    store(kept, 3 * length + x, y_3)
+    store(kept, 4 * length + x, difference_2)
+    store(kept, 5 * length + x, difference_3)
+    store(kept, 6 * length + x, sum_2)
+    store(kept, 7 * length + x, sum_3)
+    return x_2, y_2, x_3, y_3
+
+
+@kernel
+def _along_the_row(pixels, at):
+    """Differences -1 0 1 and sums 1 2 1 of sixteen pixels from `at` on."""
+    before, here, after = widened(load(pixels, at - 1)), widened(load(pixels, at)), widened(load(pixels, at + 1))
+    return after - before, (before + after) + (here + here)
+
+
+@kernel
+def _sums_of_rows(sums, at, x_0, y_0, x_1, y_1, x_2, y_2, x_3, y_3):
+    a, b, c = x_1 * x_1 + x_2 * x_2, x_1 * y_1 + x_2 * y_2, y_1 * y_1 + y_2 * y_2
+    store(sums, at, a + x_0 * x_0)
+    store(sums, at + 2 * _STRIDE, b + x_0 * y_0)
+    store(sums, at + 4 * _STRIDE, c + y_0 * y_0)
+    store(sums, at + 6 * _STRIDE, a + x_3 * x_3)
+    store(sums, at + 8 * _STRIDE, b + x_3 * y_3)
+    store(sums, at + 10 * _STRIDE, c + y_3 * y_3)
+
+
+@kernel
+def _reflect_ends(sums, start, width):
+    """Continue the rows by a column on either side, where their ends lie in the block."""
+    for part in range(0, len(sums), 2 * _STRIDE):
+        if start == 0:
+            sums[part + _STRIDE + LANES - 1] = sums[part + _STRIDE + LANES]
+        if width < start + _BLOCK:
+            end = part + width % 2 * _STRIDE + LANES + (width - start) // 2
+            sums[end] = sums[end - 1]
+
+
+@kernel
+def _responses(sums, rows, harris_k, out, y, start, largest):
+    """One row of the response, or two, from sixteen columns before the block to sixteen before its end."""
     width = out.shape[1]
-    most = load(largest, 0)
-    scale = np.float32(1 / 81)
+    scale = np.float32(1 / (81 * SCALE ** 4))
     harris_k, scale = splat_half(harris_k * scale), splat_half(scale)
-    for at in range(0, width, LANES):
-        i = min(at, width - LANES)
-        sums_of_new = _sums_of_three(gradients, i, sums, new + 3 * at)
-        older = added(_kept(sums, middle + 3 * at), _kept(sums, old + 3 * at))
-        response = response_of_sums(added(sums_of_new, older), harris_k, scale)
-        store(out, y * width + i, response)
+    most = load(largest, 0)
+    end = min(start + _BLOCK - LANES, width)
+    for x in range(max(start - LANES, 0), end - end % LANES, LANES):
+        at, to = LANES + (x - start) // 2, y * width + x
+        expect_to_write(out, to + 2 * width)
+        response = _response(sums, at, harris_k, scale)
+        store(out, to, response)
         most = maximum(response, most)
+        if rows > 1:
+            expect_to_write(out, to + 3 * width)
+            response = _response(sums, at + 6 * _STRIDE, harris_k, scale)
+            store(out, to + width, response)
+            most = maximum(response, most)
     store(largest, 0, most)
 
 
 @kernel
-def _sums_of_three(gradients, i, sums, to):
-    """`sums_along_the_row` of sixteen pixels from i on; kept, and returned."""
-    result = sums_along_the_row(gradients, LANES + i, LANES + gradients.shape[1] + i)
-    for part in range(6):
-        store(sums, to + part * _HALF, result[part])
-    return result
+def _last_responses(sums, rows, harris_k, out, y, start, largest, last):
+    """Those of the columns after the last whole vector."""
+    width = out.shape[1]
+    scale = np.float32(1 / (81 * SCALE ** 4))
+    whole = width - width % LANES
+    for row in range(rows):
+        at = row * 6 * _STRIDE + LANES + (whole - start) // 2
+        store(last, 0, _response(sums, at, splat_half(harris_k * scale), splat_half(scale)))
+        for x in range(whole, width):
+            out[y + row, x] = last[x - whole]
+            largest[0] = max(largest[0], last[x - whole])
 
 
 @kernel
-def _kept(sums, at):
-    return (load_half(sums, at), load_half(sums, at + _HALF), load_half(sums, at + 2 * _HALF),
-            load_half(sums, at + 3 * _HALF), load_half(sums, at + 4 * _HALF), load_half(sums, at + 5 * _HALF))
+def _response(sums, at, harris_k, scale):
+    a, b, c = _along(sums, at), _along(sums, at + 2 * _STRIDE), _along(sums, at + 4 * _STRIDE)
+    return response_of_sums((a[0], a[1], b[0], b[1], c[0], c[1]), harris_k, scale)
 
 
 @kernel
-def sums_along_the_row(gradients, x, y):
-    """Products of sixteen gradients, in x and in y from those places on, summed over a pixel and its neighbours.
-
-    Six half vectors: of A, B and C, each of the even pixels 0, 2, 4 and so on, and of the odd ones. Pixels 0 and 1 are
-    in the sums of both; neighbour -1 is added to the even ones, 2 to the odd.
-    """
-    x_before, x_here, x_after = load(gradients, x - 1), load(gradients, x), load(gradients, x + 1)
-    y_before, y_here, y_after = load(gradients, y - 1), load(gradients, y), load(gradients, y + 1)
-    x_one, y_one, x_two, y_two = only_even(x_before), only_even(y_before), only_odd(x_after), only_odd(y_after)
-    a, b, c = products_of_pairs(x_here, x_here), products_of_pairs(x_here, y_here), products_of_pairs(y_here, y_here)
-    return (products_of_pairs(x_one, x_before) + a, a + products_of_pairs(x_two, x_after),
-            products_of_pairs(x_one, y_before) + b, b + products_of_pairs(x_two, y_after),
-            products_of_pairs(y_one, y_before) + c, c + products_of_pairs(y_two, y_after))
-
-
-@kernel
-def added(a, b):
-    """Sums of six and six half vectors."""
-    return a[0] + b[0], a[1] + b[1], a[2] + b[2], a[3] + b[3], a[4] + b[4], a[5] + b[5]
+def _along(sums, at):
+    """Sums of three neighbours along the row, of eight even columns and of eight odd ones."""
+    even, odd = load_half(sums, at), load_half(sums, at + _STRIDE)
+    pair = even + odd
+    return load_half(sums, at + _STRIDE - 1) + pair, pair + load_half(sums, at + 1)
 
 
 @kernel

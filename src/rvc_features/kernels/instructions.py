@@ -1,0 +1,59 @@
+"""Vector operations that are one or two instructions, but not arithmetic as one would write it; see vectors.py."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from llvmlite import ir
+from numba import types
+
+from rvc_features.kernels.vectors import LANES, Vector, intrinsic
+
+HALF = LANES // 2
+_BITS = 16   # of the integers that are widened in place
+
+
+def _widened_in_place(is_even: bool) -> Any:
+    """An intrinsic: every second of sixteen int16, from 0 or from 1 on, times 2^16, as float32; exact.
+
+    In the upper half of 32 bits they need not be moved there, or by one shift, and no number crosses the register.
+    """
+    @intrinsic
+    def widen(typing_context, vector):
+        if vector.dtype != types.int16:
+            return None
+
+        def emit(context, builder, signature, arguments):
+            wide = ir.VectorType(ir.IntType(2 * _BITS), HALF)
+            pairs = builder.bitcast(arguments[0], wide)
+            if is_even:
+                upper = builder.shl(pairs, ir.Constant(wide, [_BITS] * HALF))
+            else:
+                upper = builder.and_(pairs, ir.Constant(wide, [-1 << _BITS] * HALF))
+            return builder.sitofp(upper, context.get_value_type(signature.return_type))
+        return Vector(types.float32, HALF)(vector), emit
+    return widen
+
+
+scaled_evens, scaled_odds = _widened_in_place(True), _widened_in_place(False)
+SCALE = 2.0 ** _BITS   # of what they give
+
+
+def _expecting(is_write: bool) -> Any:
+    """An intrinsic: fetch the cache line of array[index], which will be used soon; it may lie beyond the end."""
+    @intrinsic
+    def expect(typing_context, array, index):
+        def emit(context, builder, signature, arguments):
+            data = context.make_array(array)(context, builder, arguments[0]).data
+            pointer = builder.bitcast(builder.gep(data, [arguments[1]]), ir.IntType(8).as_pointer())
+            integer, name = ir.IntType(32), 'llvm.prefetch'
+            function_type = ir.FunctionType(ir.VoidType(), [pointer.type, integer, integer, integer])
+            function = builder.module.globals.get(name) or ir.Function(builder.module, function_type, name)
+            is_data, nearest = integer(1), integer(3)
+            builder.call(function, [pointer, integer(int(is_write)), nearest, is_data])
+            return context.get_dummy_value()
+        return types.void(array, index), emit
+    return expect
+
+
+expect_to_read, expect_to_write = _expecting(False), _expecting(True)
