@@ -2,6 +2,7 @@
 
 import io
 import random
+import resource
 import subprocess
 import sys
 from pathlib import Path
@@ -17,6 +18,7 @@ from quadrant_images import quadrants  # noqa: E402
 
 from rvc_features.image_transport.compressed import to_compressed_message  # noqa: E402
 from rvc_features.image_transport.messages import to_image_message  # noqa: E402
+from rvc_features.recordings import unmake_bag  # noqa: E402
 from rvc_features.recordings.bags import BagImages, image_topics  # noqa: E402
 from rvc_features.recordings.image_sources import SourceError  # noqa: E402
 
@@ -137,3 +139,20 @@ def test_damaged_bags_end_in_a_sentence(tmp_path, capfd):
     assert read > 10
     assert all(text.startswith(f'{path}: ') and '\n' not in text for text in refused)
     assert capfd.readouterr() == ('', '')
+
+
+def test_a_video_that_has_no_room_is_an_error_and_leaves_nothing(tmp_path, capfd):
+    recording, video = tmp_path / 'recording.bag', tmp_path / 'video.avi'
+    noise = np.random.default_rng(0).integers(0, 256, (240, 320, 3), np.uint8)
+    with rosbag.Bag(str(recording), 'w') as bag:
+        for second in range(1, 6):
+            bag.write('/camera', to_image_message(noise, 'bgr8'), genpy.Time(second))
+    unlimited = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, unlimited[1]))   # what a full disk looks like to a writer
+    try:
+        assert unmake_bag.main([str(recording), str(video)]) == 2
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, unlimited)
+    assert 'could not be written whole; is the disk full?' in capfd.readouterr().err
+    assert list(tmp_path.iterdir()) == [recording]
+    assert unmake_bag.main([str(recording), str(video)]) == 0

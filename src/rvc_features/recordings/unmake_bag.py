@@ -156,6 +156,9 @@ def _write_video(source: BagImages, path: Path, rate: float) -> int:
     finally:
         if writer is not None:
             writer.release()
+    if count and cv2.VideoCapture(str(path)).get(cv2.CAP_PROP_FRAME_COUNT) <= 0:
+        # What the writer could not write it leaves out, and says nothing; the index at the end, too.
+        raise OSError(f'{source.path}: its video could not be written whole; is the disk full?')
     return count
 
 
