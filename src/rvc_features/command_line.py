@@ -7,6 +7,7 @@ import contextlib
 import os
 import signal
 import sys
+from types import TracebackType
 from typing import Any, Callable, Iterable, Iterator, NoReturn
 
 FAILED = 1             # exit status of a tool that could not end what it began
@@ -79,9 +80,21 @@ def with_progress(items: Iterable[Any], unit: str) -> Iterable[Any]:
 
 
 def print_safely() -> None:
-    """From here on, letters that the terminal lacks (or a file name has wrong) are printed as \\x.., not an error."""
+    """From here on, letters that the terminal lacks (or a file name has wrong) are printed as \\x.., not an error.
+
+    And what can't be printed at all, into a file on a full disk or a pipe that nobody reads, ends it with a sentence.
+    """
+    sys.excepthook = _say_of_system
     with contextlib.suppress(AttributeError):     # a stream that somebody put there in place of the terminal
         sys.stdout.reconfigure(errors='backslashreplace')   # type: ignore[union-attr]
+
+
+def _say_of_system(kind: type[BaseException], error: BaseException, where: TracebackType | None) -> None:
+    """In place of a traceback, for errors that the system makes and the program can't help; it ends with FAILED."""
+    if isinstance(error, OSError):
+        print(f'{os.path.basename(sys.argv[0])}: {error}', file=sys.stderr)
+    else:
+        sys.__excepthook__(kind, error, where)
 
 
 def quiet_opencv() -> None:

@@ -29,3 +29,14 @@ def test_ctrl_c_at_the_start_leaves_no_traceback(script):
     ended = subprocess.run([sys.executable, '-c', INTERRUPTED, str(script)], stderr=subprocess.PIPE, timeout=60,
                            check=False)
     assert (ended.returncode, ended.stderr) == (-signal.SIGINT, b'')
+
+
+@pytest.mark.parametrize(('what', 'line'), [
+    ('print("x" * 100_000, flush=True)', '-c: [Errno 28] No space left on device\n'), ('1 // 0', 'Traceback')])
+def test_what_can_not_be_printed_is_said_in_a_line(what, line):
+    code = f'from rvc_features.command_line import print_safely; print_safely(); {what}'
+    with open('/dev/full', 'w') as full:
+        ended = subprocess.run([sys.executable, '-c', code], stdout=full, stderr=subprocess.PIPE, text=True, timeout=60,
+                               cwd=SCRIPTS.parent / 'src', check=False)
+    assert ended.returncode == 1
+    assert ended.stderr.startswith(line)
