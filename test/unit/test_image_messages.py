@@ -4,6 +4,8 @@ import copy
 import io
 import pickle
 import struct
+import subprocess
+import sys
 import zlib
 
 import cv2
@@ -14,6 +16,7 @@ from quadrant_images import COLOURS, ENCODINGS, GREYS, SHAPE, centres, corners, 
 sensor_msgs = pytest.importorskip('sensor_msgs.msg')   # needs ROS's messages, though no master
 std_msgs = pytest.importorskip('std_msgs.msg')
 
+from rvc_features.image_transport import encodings  # noqa: E402
 from rvc_features.image_transport.compressed import to_compressed_message  # noqa: E402
 from rvc_features.image_transport.encodings import ImageError  # noqa: E402
 from rvc_features.image_transport.messages import Image, to_array, to_image_message, unpack  # noqa: E402
@@ -423,6 +426,20 @@ class TestBytes:
     def test_unknown_target(self):
         with pytest.raises(ValueError, match='hsv8'):
             to_array(png(), 'hsv8')
+
+
+def test_usual_encodings_are_what_cv_bridge_says():
+    for encoding in encodings._USUAL:
+        assert encodings.layout(encoding) == encodings._layout_of_cv_bridge(encoding)
+
+
+def test_usual_images_do_not_load_cv_bridge():
+    code = ('import sys, numpy; from rvc_features.image_transport import messages\n'
+            'for encoding in ("bgr8", "mono8"):\n'
+            '    image = numpy.ones((4, 5, 3) if encoding == "bgr8" else (4, 5), numpy.uint8)\n'
+            '    messages.to_array(messages.to_image_message(image, encoding), "bgr8")\n'
+            'assert "cv_bridge" not in sys.modules')
+    subprocess.run([sys.executable, '-c', code], check=True)
 
 
 class TestLeanImage:

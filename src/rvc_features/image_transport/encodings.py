@@ -13,7 +13,6 @@ from typing import Any
 
 import cv2
 import numpy as np
-from cv_bridge import CvBridge, CvBridgeError
 
 from rvc_features.brief import shown
 
@@ -29,16 +28,28 @@ OF_CHANNELS = {1: 'mono', 3: 'bgr', 4: 'bgra'}   # how OpenCV has images, and wh
 COLOUR_OF_FOUR = {'8UC4': 'bgra8', '16UC4': 'bgra16'}   # the fourth channel isn't compressed: a name brings it back
 _GENERIC = re.compile(r'\d+[USF]C\d+')   # a type and a number of channels, but no word of what they mean
 _LONGEST = 40   # characters of an encoding
-_bridge = CvBridge()
+# What cv_bridge says of those that cameras send. It loads OpenCV's libraries a second time, those of the system, which
+# takes a fifth of a second and forty megabytes: not before it is needed.
+_USUAL = {'mono8': ('uint8', 1), 'bgr8': ('uint8', 3), 'rgb8': ('uint8', 3), 'bgra8': ('uint8', 4),
+          'rgba8': ('uint8', 4), 'mono16': ('uint16', 1), '16UC1': ('uint16', 1), '32FC1': ('float32', 1),
+          **{name + '8': ('uint8', 1) for name in _BAYER}}
 
 
-@functools.lru_cache(maxsize=64)   # cv_bridge takes a regular expression or two for each of two images a frame
+@functools.lru_cache(maxsize=64)
 def layout(encoding: str) -> tuple[np.dtype, int]:
     """Type and number of channels of an encoding."""
+    if encoding in _USUAL:
+        name, channels = _USUAL[encoding]
+        return np.dtype(name), channels
+    return _layout_of_cv_bridge(encoding)
+
+
+def _layout_of_cv_bridge(encoding: str) -> tuple[np.dtype, int]:
+    from cv_bridge import CvBridge, CvBridgeError
     try:
         if len(encoding) > _LONGEST:
             raise CvBridgeError
-        dtype, channels = _bridge.encoding_to_dtype_with_channels('yuv422' if encoding in YUV else encoding)
+        dtype, channels = CvBridge().encoding_to_dtype_with_channels('yuv422' if encoding in YUV else encoding)
         if _GENERIC.fullmatch(encoding) and not encoding.endswith(f'C{channels}'):   # 8UC0, 8UC513
             raise CvBridgeError
     except CvBridgeError:

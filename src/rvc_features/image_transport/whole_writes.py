@@ -159,13 +159,13 @@ class _Connection:
         except BlockingIOError:
             sent = 0
         connection.stat_bytes += sent
-        left = list(pieces)
-        while left and sent >= len(left[0]):
-            sent -= len(left.pop(0))
-        if left:
-            left[0] = memoryview(left[0])[sent:]
-        else:
+        if sent == _size(pieces):
             connection.stat_num_msg += 1
+            return []
+        left = list(pieces)
+        while sent >= len(left[0]):
+            sent -= len(left.pop(0))
+        left[0] = memoryview(left[0])[sent:]
         return left
 
     def _wake_thread(self) -> None:

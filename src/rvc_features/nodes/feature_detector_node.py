@@ -169,7 +169,7 @@ class FeatureDetectorNode:
         if draw:
             picture = self.odometry.drawn(draw_key_points(image, found, image), mask)
             picture.flags.writeable = False   # so that a slow subscriber gets it without a copy
-            publishers.image.publish_array(picture, 'bgr8', message.header)
+            publishers.image.publish(to_image_message(picture, 'bgr8', message.header))
         if publishers.response.get_num_connections() > 0:
             response = detector.response_map(grey)
             self.worker.check()

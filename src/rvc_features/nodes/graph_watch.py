@@ -38,6 +38,9 @@ class GraphWatch:
         The topics whose publishers are to be asked whether they are alive.
     returned : callable
         Called when a master that was restarted knows the node again.
+    wanted : callable
+        Whether anybody wants to know the graph; else all that is asked is whether the master is there and knows the
+        node, for on a robot the whole graph takes milliseconds to read.
 
     Attributes
     ----------
@@ -47,10 +50,11 @@ class GraphWatch:
         What was seen last; None as long as that is nothing.
     """
 
-    def __init__(self, topics: Callable[[], list[str]] = list, returned: Callable[[], Any] = lambda: None) -> None:
+    def __init__(self, topics: Callable[[], list[str]] = list, returned: Callable[[], Any] = lambda: None,
+                 wanted: Callable[[], bool] = lambda: True) -> None:
         self.problem = ''
         self.graph: Graph | None = None
-        self._topics, self._returned = topics, returned
+        self._topics, self._returned, self._wanted = topics, returned, wanted
         self._stopped = threading.Event()
         self._looks = 0
         self._silent: frozenset[str] = frozenset()
@@ -72,19 +76,23 @@ class GraphWatch:
                 register_again()
                 reporter().say(rospy.logwarn, 'master', f'the master at {address} has been restarted: registered again')
                 self._returned()
-            publishers = dict(_answer(master.getSystemState(me))[0])
-            types = dict(_answer(master.getTopicTypes(me)))
-            if self._looks % _LOOKS_AT_PINGS == 0:
-                wanted = {node for topic in self._topics() for node in publishers.get(topic, [])} - {me}
-                self._silent = frozenset(node for node in wanted if not _lives(master, me, node))
-            self._looks += 1
+            graph = self._seen(master, me) if self._wanted() else None
         except Exception as error:   # refused, timed out, not a master, half an answer
             self.problem = (f'the master at {address} does not answer ({type(error).__name__}: {error}); connections '
                             'that exist live on, new ones are impossible')
             reporter().say(rospy.logerr, 'master', self.problem)
         else:
             self.problem = ''
-            self.graph = Graph(publishers, types, self._silent)
+            self.graph = graph
+
+    def _seen(self, master: Any, me: str) -> Graph:
+        publishers = dict(_answer(master.getSystemState(me))[0])
+        types = dict(_answer(master.getTopicTypes(me)))
+        if self._looks % _LOOKS_AT_PINGS == 0:
+            wanted = {node for topic in self._topics() for node in publishers.get(topic, [])} - {me}
+            self._silent = frozenset(node for node in wanted if not _lives(master, me, node))
+        self._looks += 1
+        return Graph(publishers, types, self._silent)
 
     def _known(self, master: Any, me: str) -> bool:
         """Whether the master knows this node's first service, which is registered only once, at the start."""

@@ -1,4 +1,4 @@
-"""A node's status on /diagnostics, once a second, whatever the rest of the node is at."""
+"""A node's status on /diagnostics, once a second while somebody listens, whatever the rest of the node is at."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import rospy
 from diagnostic_updater import Updater
 
 from rvc_features.brief import cut, reporter
+from rvc_features.image_transport.whole_writes import num_connections
 from rvc_features.nodes.diagnostics import ERROR, Finding
 
 _PERIOD = 1.0   # seconds, by the wall, whatever /clock does
@@ -26,11 +27,13 @@ class StatusPublisher:
         Returns a Finding, with level and message, and a dict of values.
     house_work : callable
         What else is to be done once a second.
+    unheard : callable
+        What is done instead of asking for the status while nobody listens.
     """
 
     def __init__(self, name: str, status: Callable[[], tuple[Finding, dict[str, Any]]],
-                 house_work: Callable[[], Any] = lambda: None) -> None:
-        self._status, self._house_work = status, house_work
+                 house_work: Callable[[], Any] = lambda: None, unheard: Callable[[], Any] = lambda: None) -> None:
+        self._status, self._house_work, self._unheard = status, house_work, unheard
         self._updater = Updater()
         self._updater.setHardwareID('none')
         self._updater.add(name, self._fill_in)
@@ -46,12 +49,16 @@ class StatusPublisher:
         if self._thread.is_alive():
             self._thread.join(seconds)
 
+    def is_heard(self) -> bool:
+        """Whether somebody listens to /diagnostics."""
+        return num_connections(self._updater.publisher) > 0
+
     def _run(self) -> None:
         next_report = time.monotonic()
         while not self._stopped.wait(max(0.0, next_report - time.monotonic())):
             next_report = time.monotonic() + _PERIOD
             try:
-                self._updater.force_update()
+                (self._updater.force_update if self.is_heard() else self._unheard)()
                 reporter().catch_up()
                 self._house_work()
             except Exception as error:   # whatever the network does: the next report may get through

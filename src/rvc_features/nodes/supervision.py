@@ -74,12 +74,12 @@ class Supervision:
         self.transport = 'raw'
         self.starting = 'reading the parameters'
         self.lasting: list[Finding] = []
-        self.graph_watch = GraphWatch(lambda: [self.input_state().topic], returned)
+        self.graph_watch = GraphWatch(lambda: [self.input_state().topic], returned, lambda: self._status.is_heard())
         self._at_work, self._worker, self._images, self._output = at_work, worker, images, output
         self._details = details
         self._tracebacks: set[tuple[str, int]] = set()
         self._stopping = False
-        self._status = StatusPublisher(name, self.report, house_work)
+        self._status = StatusPublisher(name, self.report, house_work, self.statistics.report)
         self._subscribing = threading.Thread(target=self._keep_subscribed, name='lazy input', daemon=True)
         rospy.on_shutdown(self.stop)
 
@@ -109,8 +109,8 @@ class Supervision:
         """Count an image that has come; returns when, by time.monotonic."""
         stamp, delay = message.header.stamp, None
         if stamp.secs or stamp.nsecs:
-            now = rospy.get_rostime()
-            delay = now.secs - stamp.secs + (now.nsecs - stamp.nsecs) / 1e9
+            now = time.time() if rospy.rostime.is_wallclock() else rospy.get_time()   # which makes several objects
+            delay = now - stamp.secs - stamp.nsecs / 1e9
         return self.statistics.frame_arrived(delay)
 
     def frame_processed(self, shape: tuple[int, ...], begun: float, arrived: float,
