@@ -12,6 +12,8 @@ import cv2
 import numpy as np
 
 from rvc_features import filters, key_points, parameters
+from rvc_features.kernels import compiler
+from rvc_features.kernels import grey as compiled
 
 
 class FeatureDetector(ABC):
@@ -75,7 +77,14 @@ def as_grey(image: np.ndarray) -> np.ndarray:
         raise ValueError(f'{accepted}; got shape {image.shape}')
     if image.ndim == 2:
         return image
-    return image[:, :, 0] if image.shape[2] == 1 else cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
+    if image.shape[2] == 1:
+        return image[:, :, 0]
+    return compiled.grey_of_colour(image) if compiler.available() else grey_of_colour(image)
+
+
+def grey_of_colour(image: np.ndarray) -> np.ndarray:
+    """Grey of a BGR image as OpenCV has it, uint8 (H, W, 3) -> (H, W): .114 blue + .587 green + .299 red, rounded."""
+    return cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
 
 
 def _as_mask(mask: np.ndarray | None, shape: tuple) -> np.ndarray | None:

@@ -14,10 +14,11 @@ import numpy as np
 import pytest
 from conftest import texture
 
-from rvc_features import drawing, filters, kernels, key_points, maxima, orientation
+from rvc_features import drawing, feature_detector, filters, kernels, key_points, maxima, orientation
 from rvc_features.harris_detector import HarrisDetector
 from rvc_features.kernels import compiler, sorting, spread, suppression
 from rvc_features.kernels import drawing as compiled_drawing
+from rvc_features.kernels import grey as compiled_grey
 from rvc_features.kernels import key_points as compiled_key_points
 from rvc_features.kernels import maxima as compiled_maxima
 from rvc_features.kernels import orientation as compiled_orientation
@@ -26,6 +27,7 @@ from rvc_features.response import harris_response, reference_response, response_
 
 compiled = pytest.mark.skipif(not compiler.available(), reason='Numba is not installed')
 
+OPENCV = tuple(int(number) for number in cv2.__version__.split('.')[:2])
 random = np.random.default_rng(0)
 ALL_WINDOWS = range(3, 33, 2)
 SHAPES = [(1, 50), (2, 18), (5, 19), (33, 31), (40, 200)]
@@ -204,6 +206,16 @@ def test_drawing_kernel_equals_reference(radius):
             stamp(picture, x[-count:], y[-count:], angle[-count:], ring_x, ring_y, radius, (1, 2, 3))
         assert pictures[0].any()
         assert np.array_equal(pictures[0], pictures[1])
+
+
+@compiled
+@pytest.mark.parametrize('shape', [(1, 1), (3, 17), (40, 333), (900, 700)])
+def test_grey_kernel_equals_reference(shape):
+    image = random.integers(0, 256, (*shape, 3), np.uint8)
+    for picture in (image, image[::-1, ::-1], np.full_like(image, 255)):
+        grey, expected = compiled_grey.grey_of_colour(picture), feature_detector.grey_of_colour(picture)
+        most = 0 if OPENCV >= (4, 6) else 1   # before, OpenCV's weights had one bit less
+        assert np.abs(grey.astype(int) - expected).max() <= most
 
 
 def test_flat_image_has_no_gradient_anywhere():

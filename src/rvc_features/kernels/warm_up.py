@@ -16,6 +16,7 @@ from rvc_features.kernels import (
     contrast,
     corners,
     drawing,
+    grey,
     key_points,
     maxima,
     orientation,
@@ -37,6 +38,7 @@ def compile_all() -> float:
     if compiler.available():
         image = np.zeros((40, 40), np.uint8)
         image[10:, 10:] = 255
+        grey.grey_of_colour(np.dstack([image] * 3))
         response.response(image, 3, 'box', 0.04)
         response.response(image, 5, 'box', 0.0)
         corners.corners(np.tile(image, (6, 1)), 0.04, 10.0, number=1)
