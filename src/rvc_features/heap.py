@@ -55,10 +55,12 @@ def settle() -> None:
     """Leave what there is by now out of the searches for garbage to come; to be called when all is loaded.
 
     With the compiled loops there are more than a hundred thousand objects: to look through them takes 80 ms, in which
-    Python's lock is held and every thread stands still, again and again while frames come.
+    Python's lock is held and every thread stands still, again and again while frames come. One in a hundred of them is
+    garbage by then, and stays: looking for it would cost the start what is to be saved. A program may turn the
+    collector off at its start; here it is turned on.
     """
-    gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 def resident_bytes() -> int:

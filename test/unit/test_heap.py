@@ -116,9 +116,12 @@ def test_resident_bytes_are_those_of_this_process():
 
 def test_what_is_there_when_all_is_loaded_is_not_looked_through_for_garbage():
     kept = [[number] for number in range(10_000)]
+    gc.disable()
     try:
         heap.settle()
+        assert gc.isenabled()
         assert gc.get_freeze_count() > len(kept)
         assert len(gc.get_objects()) < 1000
     finally:
+        gc.enable()
         gc.unfreeze()
