@@ -57,3 +57,37 @@ def _expecting(is_write: bool) -> Any:
 
 
 expect_to_read, expect_to_write = _expecting(False), _expecting(True)
+
+
+# ---- Running sums ----
+
+def _picked(builder: Any, a: Any, b: Any, places: list[int]) -> Any:
+    """Numbers of two vectors, which count as one of twice the length."""
+    index = ir.IntType(32)
+    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(index, len(places)), [index(i) for i in places]))
+
+
+@intrinsic
+def running_sums(typing_context, vector):
+    """a[0], a[0] + a[1], a[0] + a[1] + a[2] and so on."""
+    def emit(context, builder, signature, arguments):
+        sums = arguments[0]
+        nothing = ir.Constant(sums.type, [sums.type.element(0)] * vector.lanes)
+        add = builder.fadd if isinstance(vector.dtype, types.Float) else builder.add
+        # First among four, which lie together in 128 bits of 32-bit numbers, then from four to the next four.
+        for step in (1, 2):
+            places = [i - step if i % 4 >= step else vector.lanes for i in range(vector.lanes)]
+            sums = add(sums, _picked(builder, sums, nothing, places))
+        for first in range(4, vector.lanes, 4):
+            places = [first - 1 if first <= i < first + 4 else vector.lanes for i in range(vector.lanes)]
+            sums = add(sums, _picked(builder, sums, nothing, places))
+        return sums
+    return vector(vector), emit
+
+
+@intrinsic
+def last_everywhere(typing_context, vector):
+    """A vector of the last number of another."""
+    def emit(context, builder, signature, arguments):
+        return _picked(builder, arguments[0], arguments[0], [vector.lanes - 1] * vector.lanes)
+    return vector(vector), emit

@@ -20,7 +20,19 @@ from rvc_features.kernels.rows import (
 )
 
 if installed:
-    from rvc_features.kernels.vectors import LANES, converted, load, maximum, splat, store, to_float32, widened
+    from rvc_features.kernels.instructions import HALF, last_everywhere, running_sums
+    from rvc_features.kernels.vectors import (
+        LANES,
+        converted,
+        load,
+        load_half,
+        maximum,
+        splat,
+        splat_half,
+        store,
+        to_float32,
+        widened,
+    )
 
 LARGEST_BOX = 45   # pixels: the largest odd window whose sums of Sobel products fit in 32 bits, w^2 (4 * 255)^2 < 2^31
 
@@ -109,8 +121,7 @@ def _box_response(image, taps, gradient, product, window_size, harris_k, out, fi
     smoothed, rows, parts = gradient_buffers(width, taps, gradient)
     gradients = zeros((slots + 1) * 2 * length, gradient).reshape((slots + 1, 2, length))
     nothing = slots   # the last row stays zero: what the first windows have nothing to subtract from
-    columns, fours, sixteens = (zeros(3 * length, product).reshape((3, length)), zeros(3 * length, product),
-                                zeros(3 * length, product))
+    columns, running = zeros(3 * length, product).reshape((3, length)), zeros(3 * length, product)
     largest = np.full(LANES, -np.inf, np.float32)
     done = begin = max(0, first - radius)
     for y in range(first, last):
@@ -130,7 +141,7 @@ def _box_response(image, taps, gradient, product, window_size, harris_k, out, fi
                    reflect(y - 1 - radius, height) % slots, width)
         for part in range(3):
             reflect_ends(columns[part], lead, width, radius)
-        _box_row(columns, fours, sixteens, lead - radius, window_size, harris_k, out, y, largest)
+        _box_row(columns, running, lead - radius, window_size, harris_k, out, y, largest)
     return largest.max()
 
 
@@ -149,50 +160,36 @@ def _slide(columns, lead, gradients, new, old, width):
 
 
 @kernel
-def _box_row(columns, fours, sixteens, start, size, harris_k, out, y, largest):
+def _box_row(columns, running, start, size, harris_k, out, y, largest):
     """One row of the response from the sums down the columns; the first window begins at `start`.
 
-    A large window is so many sums of sixteen and of four neighbours, and one neighbour more or less.
+    A larger window's sum is the difference of two running sums; integers may wrap round in these, not in that.
     """
     width, stride = out.shape[1], columns.shape[1]
-    many = (size + 1) // 16 if size > 13 else 0
-    some = (size - 16 * many + 1) // 4 if size > 7 else 0
-    few = size - 16 * many - 4 * some
-    if size > 7:
-        for part in range(3):
-            first = part * stride + start
-            for i in range(first, first + width + size, LANES):
-                pair, next_pair = load(columns, i) + load(columns, i + 1), load(columns, i + 2) + load(columns, i + 3)
-                store(fours, i, pair + next_pair)
-            for i in range(first, first + width + size if many > 0 else first, LANES):
-                pair, next_pair = load(fours, i) + load(fours, i + 4), load(fours, i + 8) + load(fours, i + 12)
-                store(sixteens, i, pair + next_pair)
+    many = size > 7
+    if many:
+        for part in range(0, 3 * stride, stride):
+            before = converted(splat_half(np.int16(0)), columns)
+            for i in range(part, part + start + width + size, HALF):
+                sums = running_sums(load_half(columns, i))
+                store(running, i + 1, before + sums)
+                before += last_everywhere(sums)
     harris_k = splat(harris_k)
     scale = converted(splat(1 / size ** 4), harris_k)
     most = load(largest, 0)
     for i in range(0, width, LANES):
         i = min(i, width - LANES)
         at = start + i
-        a = b = c = converted(splat(np.int16(0)), columns)
-        for _ in range(many):
-            a += load(sixteens, at)
-            b += load(sixteens, at + stride)
-            c += load(sixteens, at + 2 * stride)
-            at += 16
-        for _ in range(some):
-            a += load(fours, at)
-            b += load(fours, at + stride)
-            c += load(fours, at + 2 * stride)
-            at += 4
-        for _ in range(few):
-            a += load(columns, at)
-            b += load(columns, at + stride)
-            c += load(columns, at + 2 * stride)
-            at += 1
-        if few < 0:
-            a -= load(columns, at - 1)
-            b -= load(columns, at - 1 + stride)
-            c -= load(columns, at - 1 + 2 * stride)
+        if many:
+            a = load(running, at + size) - load(running, at)
+            b = load(running, at + stride + size) - load(running, at + stride)
+            c = load(running, at + 2 * stride + size) - load(running, at + 2 * stride)
+        else:
+            a, b, c = load(columns, at), load(columns, at + stride), load(columns, at + 2 * stride)
+            for j in range(at + 1, at + size):
+                a += load(columns, j)
+                b += load(columns, j + stride)
+                c += load(columns, j + 2 * stride)
         response = _harris(converted(a, scale), converted(b, scale), converted(c, scale), harris_k) * scale
         store(out, y * width + i, to_float32(response))
         most = maximum(to_float32(response), most)
