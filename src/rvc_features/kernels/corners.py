@@ -2,10 +2,11 @@
 
 Where only the strongest corners are wanted, most of an image need not have a response. With the steepest gradients in
 x and in y round a pixel, s and t, A and C are at most s^2 and t^2, and H <= (1 - 4 k) A C: where s t says that it can't
-exceed the weakest wanted corner, gradients and response are left out, sixteen pixels of four rows at a time. For s and
-t gradients are rounded to whole grey values, which are bytes, 32 to a vector.
+exceed the weakest wanted corner, gradients and response are left out, fourteen pixels of four rows at a time. For s and
+t gradients are rounded to whole grey values, which are bytes, 32 to a vector. Of the blocks that are left, most fall by
+A C - B^2 over squares of 4x4 pixels, before there is any response.
 
-How strong the weakest wanted corner is, is guessed from a few stripes of the image; where the guess was too high the
+How strong the weakest wanted corner is, is guessed from tiles spread over the image; where the guess was too high the
 image is gone over again, with a bound that rises with what is found.
 """
 
@@ -14,12 +15,15 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels.blocks import (
+    COLUMNS,
     GRADIENTS,
+    INSIDE,
     ROWS,
     START,
     note_promising,
     responses_of_blocks,
     steepest_gradients,
+    steepest_of_first_pair,
 )
 from rvc_features.kernels.compiler import in_bands, installed, kernel, read_only
 from rvc_features.kernels.rows import reflect, row_length, zeros
@@ -37,8 +41,9 @@ if installed:
         where_not_less,
     )
 
-_STRIPES = 5    # from which the bound is guessed
-_STRIPE = 10    # rows of one of them: with one row more on either side three batches
+_SAMPLE = 50        # rows: as many pixels tell the bound
+_TILE_ROWS = 10     # of one of the tiles that these are taken from: with one row more on either side three batches
+_TILE_COLUMNS = 128
 
 _UINT8, _INT16, _FLOAT32 = np.empty(0, np.uint8), np.empty(0, np.int16), np.empty(0, np.float32)
 _NO_MASK = read_only(np.empty((0, 0), np.uint8))
@@ -79,42 +84,51 @@ def corners(image: np.ndarray, harris_k: float, minimum: float, border: int = 0,
     k, of_least, least = np.float32(harris_k), np.float32(1 if number is not None else share), np.float32(minimum)
 
     def above(bound: np.float32, strongest: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        found = in_bands(lambda first, last: _corners(image, mask, k, border, bound, strongest, of_least,
-                                                      first, last - first, 1), height, width)
-        return found[0][:3] if len(found) == 1 else tuple(np.concatenate(parts) for parts in list(zip(*found))[:3])
+        found = in_bands(lambda first, last: _corners(image, mask, k, border, bound, strongest, of_least, first, last),
+                         height, width)
+        return found[0] if len(found) == 1 else tuple(np.concatenate(parts) for parts in zip(*found))
 
-    bound, sample = least, _STRIPES * _STRIPE
-    among = 1 if number is None else 3 * number * sample // (2 * height) + 16
-    if 4 * sample < height and of_least > 0:
-        bound = np.float32(_corners(image, mask, k, border, least, among, of_least, 0, _STRIPE, _STRIPES)[3])
-        if number is not None:
-            # It is that of half as many more as there should be, for corners gather: most guesses are right then.
-            found = above(bound, 0)
-            if len(found[0]) >= number:
-                return found
-    return above(bound, 1) if number is None else above(least, number)
+    if 4 * _SAMPLE < height and of_least > 0:
+        # That of half as many more as there should be, for corners gather: most guesses are right then.
+        among = 1 if number is None else 4 * number * _SAMPLE // (3 * height) + 12
+        bound = np.float32(_guess(image, mask, k, border, least, among, of_least))
+        found = above(bound, 1 if number is None else 0)
+        if number is None or len(found[0]) >= number:
+            return found
+    return above(least, 1 if number is None else number)
 
 
 @kernel
-def _corners(image, mask, harris_k, border, bound, among, share, first, rows, stripes):
-    """Those in some rows: x, y and response; and the bound at the end. Of several stripes, spread over the image,
-    those in the last one.
-
-    It is the response of number `among` of the strongest, times `share`, or the bound at the beginning.
-    """
+def _corners(image, mask, harris_k, border, bound, among, share, first, last):
+    """Those in some rows that exceed the bound, x, y and response; it rises to `share` of number `among` of them."""
     strongest = np.full(among, -np.inf, np.float32)
-    buffers = _buffers(image.shape[1])
-    places, values = np.empty(0, np.int64), np.empty(0, np.float32)
-    for stripe in range(stripes):
-        start = first if stripes == 1 else (2 * stripe + 1) * (image.shape[0] - rows) // (2 * stripes)
-        places, values = _scan(image, mask, harris_k, border, bound, strongest, share, start, start + rows, buffers)
-        if among > 0:
-            bound = max(bound, share * strongest[0])
+    width = image.shape[1]
+    places, values = _scan(image, mask, harris_k, border, bound, strongest, share, first, last, 0, width,
+                           _buffers(width))
     x, y = np.empty(len(places), np.int64), np.empty(len(places), np.int64)
     for i in range(len(places)):
-        y[i] = places[i] // image.shape[1]
-        x[i] = places[i] - y[i] * image.shape[1]
-    return x, y, values, bound
+        y[i] = places[i] // width
+        x[i] = places[i] - y[i] * width
+    return x, y, values
+
+
+@kernel
+def _guess(image, mask, harris_k, border, bound, among, share):
+    """The response of number `among` of the strongest corners in tiles of the image, times `share`; at least `bound`.
+
+    The tiles follow one another down the image and by the golden section across, which spreads them evenly.
+    """
+    strongest = np.full(among, -np.inf, np.float32)
+    height, width = image.shape
+    buffers = _buffers(width)
+    tiles, places = _SAMPLE * width // (_TILE_ROWS * _TILE_COLUMNS) + 1, max(width - _TILE_COLUMNS, 0) // (2 * LANES) + 1
+    for tile in range(tiles):
+        first = (2 * tile + 1) * (height - _TILE_ROWS) // (2 * tiles)
+        left = np.int64((tile * 0.6180339887498949) % 1.0 * places) * 2 * LANES
+        _scan(image, mask, harris_k, border, bound, strongest, share, first, first + _TILE_ROWS,
+              left, min(left + _TILE_COLUMNS, width), buffers)
+        bound = max(bound, share * strongest[0])
+    return bound
 
 
 @kernel
@@ -122,15 +136,18 @@ def _buffers(width):
     length = row_length(width, START)
     responses = zeros(2 * ROWS * length, _FLOAT32)
     responses[:] = -np.inf
-    # Eight rows of the image; steepest gradients in x and in y; gradients of a few blocks; responses of eight rows;
-    # blocks of a batch, and those of them with corners in both halves of the ring of responses.
-    return (zeros((ROWS + 4) * length, _UINT8), zeros(2 * length, _UINT8),
-            zeros((ROWS + 2) * 2 * GRADIENTS, _INT16), responses, np.empty((3, length // LANES), np.int64))
+    # Eight rows of the image; steepest gradients in x and in y, in six rows and in the last two of them; gradients of
+    # a few blocks; responses of eight rows; blocks of a batch, and those of them with corners in both halves of the
+    # ring of responses.
+    return (zeros((ROWS + 4) * length, _UINT8), zeros(4 * length, _UINT8),
+            zeros((ROWS + 2) * 2 * GRADIENTS, _INT16), responses, np.empty((3, length // COLUMNS), np.int64))
 
 
 @kernel
-def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, buffers):
+def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, left, right, buffers):
     """Corners above the bound; it rises with those found, to `share` of the least of the strongest, if any are noted.
+
+    Columns are those from `left`, a multiple of 32, to `right`; what lies beyond them counts as if it had none.
 
     Four rows of responses are a batch. Two batches are kept: with each, the maxima are known from the row before its
     first to that before its last. Responses are -inf but in blocks where one exceeds the bound; buffers are left so.
@@ -147,13 +164,16 @@ def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, b
         for i in range(ROWS + 4):   # rows of the image for six rows of gradients
             lines[i] = (row + i) % (ROWS + 4) * length + START
             if row == begin or i >= 4:
-                _copy_row(image, reflect(row - 2 + i, height), pixels, lines[i])
+                _copy_row(image, reflect(row - 2 + i, height), left, right, pixels, lines[i])
         for i in range(ROWS + 2):   # of gradients; the border reflects
             at = row - 1 + i
             rows[i] = (2 if at < 0 else max(i - 2, 0) if at == height else i) * 2 * GRADIENTS
-        steepest_gradients(pixels, lines, width, steepest)
+        if row == begin:
+            steepest_of_first_pair(pixels, lines, left, right, steepest)
+        steepest_gradients(pixels, lines, left, right, steepest)
         limit = np.sqrt(bound / (1 - 4 * harris_k + np.float32(1e-5))) / 16
-        count_of_blocks = note_promising(steepest, width, np.uint16(min(limit, np.float32(65535))), blocks[0])
+        count_of_blocks = note_promising(steepest, left, right, np.uint16(min(limit, np.float32(65535))),
+                                         blocks[0])
         _erase(responses, blocks[1 + half, :candidates[half]], half, length)
         candidates[half] = responses_of_blocks(pixels, lines, blocks[0, :count_of_blocks], width, gradients, rows,
                                                 harris_k, bound, responses, half * ROWS * length, length,
@@ -185,9 +205,10 @@ def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, b
 
 
 @kernel
-def _copy_row(image, y, pixels, start):
+def _copy_row(image, y, left, right, pixels, start):
+    """The row from a vector before `left` to one after `right`, and its ends reflected."""
     width = image.shape[1]
-    for x in range(0, width, LANES):
+    for x in range(max(left - LANES, 0), min(right + LANES, width), LANES):
         x = min(x, width - LANES)
         store(pixels, start + x, load(image, y * width + x))
     pixels[start - 1], pixels[start + width] = pixels[start + 1], pixels[start + width - 2]
@@ -196,20 +217,20 @@ def _copy_row(image, y, pixels, start):
 @kernel
 def _erase(responses, blocks, half, length):
     lowest = splat(np.float32(-np.inf))
-    for block in blocks:
+    for x in blocks:
         for row in range(half * ROWS, (half + 1) * ROWS):
-            store(responses, row * length + START + LANES * block, lowest)
+            store(responses, row * length + START + x, lowest)
 
 
 @kernel
 def _maxima_of_row(responses, row, length, blocks, bound, mask, border, width, y, places, values, count):
     """Note the local maxima in the blocks of one row of the ring; returns how many there are then."""
     rows, least = 2 * ROWS, splat(bound)
-    for block in blocks:
-        start = START + LANES * block
+    for first in blocks:
+        start = START + first
         at, above, below = row * length + start, (row - 1) % rows * length + start, (row + 1) % rows * length + start
         value = load(responses, at)
-        bits = where_greater(value, least)
+        bits = where_greater(value, least) & INSIDE
         if bits == 0:
             continue
         before = maximum(maximum(load(responses, at - 1), load(responses, above - 1)),
@@ -220,7 +241,7 @@ def _maxima_of_row(responses, row, length, blocks, bound, mask, border, width, y
         while bits != 0:
             bit = lowest_bit(bits)
             bits &= bits - 1
-            x = LANES * block + bit
+            x = first + bit
             if border <= x < width - border and (mask.size == 0 or mask[y, x] != 0):
                 places[count], values[count] = y * width + x, responses[at + bit]
                 count += 1
