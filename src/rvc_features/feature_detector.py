@@ -11,7 +11,7 @@ from typing import ClassVar
 import cv2
 import numpy as np
 
-from rvc_features import filters, key_points, parameters
+from rvc_features import key_points, parameters
 from rvc_features.kernels import compiler
 from rvc_features.kernels import grey as compiled
 
@@ -52,7 +52,7 @@ class FeatureDetector(ABC):
         grey = as_grey(image)
         found = self.detect_impl(grey, _as_mask(mask, grey.shape))
         key_points.check(found, grey.shape, self.name)
-        return found.take(filters.strongest(found['response'], len(found)))
+        return key_points.strongest(found, len(found))
 
     @abstractmethod
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:

@@ -12,7 +12,7 @@ from rvc_features import contrast, filters, key_points, maxima, response, two_sc
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.octaves import Octave, compete, in_layers, joined, merged, pyramid
-from rvc_features.orientation import direction_of_scales, gradient_orientation
+from rvc_features.orientation import direction_of_scales, orient_along_gradient
 from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
 from rvc_features.search import ResponseMaps, Search
 
@@ -192,7 +192,7 @@ class HarrisDetector(FeatureDetector):
 
     def strongest(self, corners: np.ndarray) -> np.ndarray:
         """The `number_of_points` strongest corners."""
-        return corners.take(filters.strongest(corners['response'], self.number_of_points))
+        return key_points.strongest(corners, self.number_of_points)
 
     def adaptive_non_maximal_suppression(self, corners: np.ndarray) -> np.ndarray:
         """The `anms_points` corners of largest suppression radius, out of the strongest `anms_pool` times that."""
@@ -201,11 +201,12 @@ class HarrisDetector(FeatureDetector):
     def orient(self, points: np.ndarray, octaves: list[Octave]) -> None:
         """Give each point the direction of the gradient in its octave, taken with the larger kernel."""
         for octave, (image, _) in enumerate(octaves):
-            here = slice(None) if len(octaves) == 1 else np.flatnonzero(points['octave'] == octave)
-            x, y = (points[name][here] / (1 << octave) for name in 'xy')
-            points['angle'][here] = (
-                gradient_orientation(image, x, y, self.orientation_sigma) if self.strength == 'harris'
-                else direction_of_scales(image, x, y, self.orientation_sigma, self.shape_adaptation))
+            if self.strength == 'harris':
+                orient_along_gradient(points, image, octave, self.orientation_sigma)
+            else:
+                here = slice(None) if len(octaves) == 1 else np.flatnonzero(points['octave'] == octave)
+                x, y = (points[name][here] / (1 << octave) for name in 'xy')
+                points['angle'][here] = direction_of_scales(image, x, y, self.orientation_sigma, self.shape_adaptation)
 
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """Strength of every pixel of the full image."""

@@ -37,6 +37,31 @@ def gradient_orientation(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma:
     return direction(*smoothed_gradient(image, x, y, sigma))
 
 
+def orient_along_gradient(points: np.ndarray, image: np.ndarray, octave: int, sigma: float) -> None:
+    """Give the key points of an octave the `gradient_orientation` in its image.
+
+    Parameters
+    ----------
+    points : ndarray of key_points.DTYPE
+        Of all octaves, in pixels of the full image.
+    image : ndarray, uint8 or float32, shape (H, W)
+        That of the octave.
+    octave : int
+    sigma : float
+    """
+    if compiler.available() and points.flags.c_contiguous:
+        compiled.orient_along_gradient(points, image, octave, *gaussian_and_slope(sigma))
+    else:
+        reference_orient_along_gradient(points, image, octave, sigma)
+
+
+def reference_orient_along_gradient(points: np.ndarray, image: np.ndarray, octave: int, sigma: float) -> None:
+    """`orient_along_gradient` of all those points at once."""
+    here = np.flatnonzero(points['octave'] == octave)
+    x, y = (points[name][here] / (1 << octave) for name in 'xy')
+    points['angle'][here] = reference_directions(*reference_gradients(image, x, y, sigma))
+
+
 def smoothed_gradient(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: float) -> tuple[np.ndarray, np.ndarray]:
     """Gradient of the smoothed image at each point, float64, in x and in y; arguments as above.
 

@@ -334,6 +334,32 @@ def test_key_point_kernels_equal_their_references():
 
 
 @compiled
+def test_strongest_key_points_are_those_of_the_reference():
+    x, y = random.integers(0, 40, (2, 700))
+    for responses in (random.normal(0, 1, 700), random.integers(0, 3, 700), np.geomspace(9, 1, 700)):
+        points = key_points.reference_of_corners(x, y, responses, 5, 2)
+        for some in (points, points[::3], points[:0]):
+            for count in (0, 1, 100, 699, 700, 900):
+                assert np.array_equal(compiled_key_points.strongest(some, count),
+                                      key_points.reference_strongest(some, count))
+
+
+@compiled
+def test_orienting_kernel_equals_reference():
+    image = texture((50, 60))
+    points = key_points.reference_of_corners(*random.integers(0, 24, (2, 90)), np.ones(90), 5, 1)
+    points['x'] += random.uniform(0, 1, 90)
+    points['octave'][40:] = 0
+    for octave, its_image in enumerate((image, image[::2, ::2])):
+        for sigma in (1.6, 2.5):
+            found, expected = points.copy(), points.copy()
+            compiled_orientation.orient_along_gradient(found, its_image, octave, *orientation.gaussian_and_slope(sigma))
+            orientation.reference_orient_along_gradient(expected, its_image, octave, sigma)
+            assert np.abs((found['angle'] - expected['angle'] + 180) % 360 - 180).max() < 0.01
+            assert (found['angle'] >= 0).sum() == (40 if octave == 1 else 50)
+
+
+@compiled
 def test_directions_kernel_equals_reference():
     special = [[0, 0, 1, 1, -1, 0], [0, 1, 0, -1e-12, -1, -0.0]]
     gradients = np.concatenate((random.normal(0, 9, (2, 99)), special), axis=1)

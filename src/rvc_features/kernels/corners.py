@@ -44,6 +44,7 @@ if installed:
 _SAMPLE = 50        # rows: as many pixels tell the bound
 _TILE_ROWS = 10     # of one of the tiles that these are taken from: with one row more on either side three batches
 _TILE_COLUMNS = 128
+_GUESSES = 2         # before all corners are looked for
 
 _UINT8, _INT16, _FLOAT32 = np.empty(0, np.uint8), np.empty(0, np.int16), np.empty(0, np.float32)
 _NO_MASK = read_only(np.empty((0, 0), np.uint8))
@@ -83,27 +84,32 @@ def corners(image: np.ndarray, harris_k: float, minimum: float, border: int = 0,
         number = min(number, ((height + 1) // 2) * ((width + 1) // 2))
     k, of_least, least = np.float32(harris_k), np.float32(1 if number is not None else share), np.float32(minimum)
 
-    def above(bound: np.float32, strongest: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        found = in_bands(lambda first, last: _corners(image, mask, k, border, bound, strongest, of_least, first, last),
-                         height, width)
+    def above(bound: np.float32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        found = in_bands(lambda *rows: _corners(image, mask, k, border, bound, number or 0, of_least, *rows), height,
+                         width)
         return found[0] if len(found) == 1 else tuple(np.concatenate(parts) for parts in zip(*found))
 
-    if 4 * _SAMPLE < height and of_least > 0:
+    if height > 4 * _SAMPLE and of_least > 0:
         # That of half as many more as there should be, for corners gather: most guesses are right then.
-        among = 1 if number is None else 4 * number * _SAMPLE // (3 * height) + 12
+        among = 1 if number is None else 3 * number * _SAMPLE // (2 * height) + 12
         bound = np.float32(_guess(image, mask, k, border, least, among, of_least))
-        found = above(bound, 1 if number is None else 0)
-        if number is None or len(found[0]) >= number:
-            return found
-    return above(least, 1 if number is None else number)
+        for _ in range(_GUESSES):
+            found = above(bound)
+            if number is None or len(found[0]) >= number:
+                return found
+            bound = max(least, np.float32(bound * (len(found[0]) / number) ** 4 / 4))
+    return above(least)
 
 
 @kernel
-def _corners(image, mask, harris_k, border, bound, among, share, first, last):
-    """Those in some rows that exceed the bound, x, y and response; it rises to `share` of number `among` of them."""
-    strongest = np.full(among, -np.inf, np.float32)
+def _corners(image, mask, harris_k, border, bound, number, share, first, last):
+    """Those in some rows that exceed the bound, x, y and response.
+
+    It rises to that of the strongest `number` of them or, where no number is given, to `share` of the strongest.
+    """
+    strongest = np.full(1 if number == 0 and share > 0 else 0, -np.inf, np.float32)
     width = image.shape[1]
-    places, values = _scan(image, mask, harris_k, border, bound, strongest, share, first, last, 0, width,
+    places, values = _scan(image, mask, harris_k, border, bound, number, strongest, share, first, last, 0, width,
                            _buffers(width))
     x, y = np.empty(len(places), np.int64), np.empty(len(places), np.int64)
     for i in range(len(places)):
@@ -116,18 +122,22 @@ def _corners(image, mask, harris_k, border, bound, among, share, first, last):
 def _guess(image, mask, harris_k, border, bound, among, share):
     """The response of number `among` of the strongest corners in tiles of the image, times `share`; at least `bound`.
 
-    The tiles follow one another down the image and by the golden section across, which spreads them evenly.
+    The tiles follow one another down the image and by the golden section across, which spreads them evenly. Every
+    fourth comes first, and tells roughly what need not be looked at in the others.
     """
-    strongest = np.full(among, -np.inf, np.float32)
     height, width = image.shape
     buffers = _buffers(width)
-    tiles, places = _SAMPLE * width // (_TILE_ROWS * _TILE_COLUMNS) + 1, max(width - _TILE_COLUMNS, 0) // (2 * LANES) + 1
-    for tile in range(tiles):
-        first = (2 * tile + 1) * (height - _TILE_ROWS) // (2 * tiles)
-        left = np.int64((tile * 0.6180339887498949) % 1.0 * places) * 2 * LANES
-        _scan(image, mask, harris_k, border, bound, strongest, share, first, first + _TILE_ROWS,
-              left, min(left + _TILE_COLUMNS, width), buffers)
-        bound = max(bound, share * strongest[0])
+    tiles = _SAMPLE * width // (_TILE_ROWS * _TILE_COLUMNS) + 1
+    places = max(width - _TILE_COLUMNS, 0) // (2 * LANES) + 1
+    for is_second in range(2):
+        strongest = np.full(among - among // 4 if is_second else among // 4 + 4, -np.inf, np.float32)
+        for tile in range(tiles):
+            if (tile % 4 > 0) == is_second:
+                first = (2 * tile + 1) * (height - _TILE_ROWS) // (2 * tiles)
+                left = np.int64((tile * 0.6180339887498949) % 1.0 * places) * 2 * LANES
+                _scan(image, mask, harris_k, border, bound, 0, strongest, share, first, first + _TILE_ROWS,
+                      left, min(left + _TILE_COLUMNS, width), buffers)
+                bound = max(bound, np.float32(1 if is_second else 0.25) * share * strongest[0])
     return bound
 
 
@@ -144,8 +154,11 @@ def _buffers(width):
 
 
 @kernel
-def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, left, right, buffers):
-    """Corners above the bound; it rises with those found, to `share` of the least of the strongest, if any are noted.
+def _scan(image, mask, harris_k, border, bound, number, strongest, share, first, last, left, right, buffers):
+    """Corners above the bound.
+
+    It rises with those found: to the response of that `number` of them, if it is not zero, now and then; and to `share`
+    of the least of the strongest, if any are noted.
 
     Columns are those from `left`, a multiple of 32, to `right`; what lies beyond them counts as if it had none.
 
@@ -158,6 +171,9 @@ def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, l
     lines, rows = np.empty(ROWS + 4, np.int64), np.empty(ROWS + 2, np.int64)
     candidates = np.zeros(2, np.int64)
     places, values, count = np.empty(1024, np.int64), np.empty(1024, np.float32), 0
+    # The ends of a tile are no place for a maximum: what lies beyond them isn't known.
+    columns = max(border, left + (left > 0)), min(width - border, right - (right < width))
+    enough = number + number // 4   # corners at which the bound is looked at again
     half = 0
     begin = max(first - 1, 0)
     for row in range(begin, last + 1, ROWS):
@@ -190,7 +206,7 @@ def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, l
                 places, values = np.append(places, places), np.append(values, values)   # type: ignore[assignment]
             before = count
             count = _maxima_of_row(responses, (half * ROWS + y - row) % (2 * ROWS), length,
-                                   blocks[1 + its_half, :candidates[its_half]], bound, mask, border, width, y,
+                                   blocks[1 + its_half, :candidates[its_half]], bound, mask, columns, width, y,
                                    places, values, count)
             if len(strongest) > 0:
                 for i in range(before, count):
@@ -198,6 +214,9 @@ def _scan(image, mask, harris_k, border, bound, strongest, share, first, last, l
                         replace_least(strongest, values[i])
         if len(strongest) > 0:
             bound = max(bound, share * strongest[0])
+        if number > 0 and count >= enough:
+            bound = max(bound, np.partition(values[:count], count - number)[count - number])
+            enough = count + number // 4 + 1
         half = 1 - half
     for half in range(2):
         _erase(responses, blocks[1 + half, :candidates[half]], half, length)
@@ -223,7 +242,7 @@ def _erase(responses, blocks, half, length):
 
 
 @kernel
-def _maxima_of_row(responses, row, length, blocks, bound, mask, border, width, y, places, values, count):
+def _maxima_of_row(responses, row, length, blocks, bound, mask, columns, width, y, places, values, count):
     """Note the local maxima in the blocks of one row of the ring; returns how many there are then."""
     rows, least = 2 * ROWS, splat(bound)
     for first in blocks:
@@ -242,7 +261,7 @@ def _maxima_of_row(responses, row, length, blocks, bound, mask, border, width, y
             bit = lowest_bit(bits)
             bits &= bits - 1
             x = first + bit
-            if border <= x < width - border and (mask.size == 0 or mask[y, x] != 0):
+            if columns[0] <= x < columns[1] and (mask.size == 0 or mask[y, x] != 0):
                 places[count], values[count] = y * width + x, responses[at + bit]
                 count += 1
     return count

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from rvc_features.kernels.compiler import kernel, read_only
+from rvc_features.kernels.sorting import order_of_bits
 
 _NUMBERS = 6   # of a key point: x, y, size, angle, response, and the bits of the octave
 
@@ -26,6 +27,24 @@ def _of_corners(x, y, responses, size, octave):
         numbers[at + 2], numbers[at + 3], numbers[at + 4] = size, -1, responses[i]
         octaves[at + 5] = octave
     return numbers
+
+
+def strongest(key_points: np.ndarray, count: int) -> np.ndarray:
+    """The strongest of key points, strongest first; reference: `key_points.reference_strongest`."""
+    return _strongest(read_only(key_points).view(np.float32), min(count, len(key_points))).view(key_points.dtype)
+
+
+@kernel
+def _strongest(numbers, count):
+    responses = np.empty(len(numbers) // _NUMBERS, np.float32)
+    for i in range(len(responses)):
+        responses[i] = numbers[_NUMBERS * i + 4] + np.float32(0)   # -0.0 becomes 0.0
+    order = order_of_bits(responses.view(np.uint32), count)
+    chosen = np.empty(_NUMBERS * count, np.float32)
+    for i in range(count):
+        for j in range(_NUMBERS):
+            chosen[_NUMBERS * i + j] = numbers[_NUMBERS * order[i] + j]
+    return chosen
 
 
 def are_sound(key_points: np.ndarray, height: int, width: int) -> bool:

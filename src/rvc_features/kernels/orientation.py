@@ -37,28 +37,31 @@ def smoothed_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray, side: in
 
 @kernel
 def _smoothed_gradients(image, x, y, side, weights, slopes):
+    patch = np.zeros(side * weights.shape[1], image.dtype)
+    gradient_x, gradient_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
+    for i in range(len(x)):
+        gradient_x[i], gradient_y[i] = _gradient_at(image, x[i], y[i], side, weights, slopes, patch)
+    return gradient_x, gradient_y
+
+
+@kernel
+def _gradient_at(image, x, y, side, weights, slopes, patch):
+    """Of one point; `patch` is room for the pixels round it where they are not all in the image."""
     height, width = image.shape
     radius, steps, length = side // 2, len(weights) - 1, weights.shape[1]
     weights, slopes = weights.ravel(), slopes.ravel()
-    patch = np.zeros(side * length, image.dtype)
-    gradient_x, gradient_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
-    for i in range(len(x)):
-        middle_x, middle_y = np.int64(np.floor(x[i] + 0.5)), np.int64(np.floor(y[i] + 0.5))
-        left, top = middle_x - radius, middle_y - radius
-        row_x = np.int64((x[i] - middle_x + 0.5) * steps + 0.5) * length
-        row_y = np.int64((y[i] - middle_y + 0.5) * steps + 0.5) * length
-        # Seen from the value in the middle, a flat patch is zero, and its gradient is so exactly.
-        middle = np.float32(image[reflect(middle_y, height), reflect(middle_x, width)])
-        if left >= 0 and left + length <= width and top >= 0 and top + side <= height:
-            gradient_x[i], gradient_y[i] = _weighed_patch(image, top * width + left, width, middle, side, length,
-                                                          weights, slopes, row_x, row_y)
-        else:
-            for row in range(side):
-                for column in range(side):
-                    patch[row * length + column] = image[reflect(top + row, height), reflect(left + column, width)]
-            gradient_x[i], gradient_y[i] = _weighed_patch(patch, 0, length, middle, side, length, weights, slopes,
-                                                          row_x, row_y)
-    return gradient_x, gradient_y
+    middle_x, middle_y = np.int64(np.floor(x + 0.5)), np.int64(np.floor(y + 0.5))
+    left, top = middle_x - radius, middle_y - radius
+    row_x = np.int64((x - middle_x + 0.5) * steps + 0.5) * length
+    row_y = np.int64((y - middle_y + 0.5) * steps + 0.5) * length
+    # Seen from the value in the middle, a flat patch is zero, and its gradient is so exactly.
+    middle = np.float32(image[reflect(middle_y, height), reflect(middle_x, width)])
+    if left >= 0 and left + length <= width and top >= 0 and top + side <= height:
+        return _weighed_patch(image, top * width + left, width, middle, side, length, weights, slopes, row_x, row_y)
+    for row in range(side):
+        for column in range(side):
+            patch[row * length + column] = image[reflect(top + row, height), reflect(left + column, width)]
+    return _weighed_patch(patch, 0, length, middle, side, length, weights, slopes, row_x, row_y)
 
 
 @kernel
@@ -86,11 +89,35 @@ def directions(gradient_x: np.ndarray, gradient_y: np.ndarray) -> np.ndarray:
 def _directions(gradient_x, gradient_y):
     result = np.empty(len(gradient_x), np.float32)
     for i in range(len(result)):
-        angle = math.degrees(math.atan2(gradient_y[i], gradient_x[i]))
-        result[i] = np.float32(angle if angle >= 0 else angle + 360)
-        if not result[i] < 360:   # what a tiny negative angle rounds to
-            result[i] = 0
+        result[i] = _direction(gradient_x[i], gradient_y[i])
     return result
+
+
+@kernel
+def _direction(gradient_x, gradient_y):
+    angle = math.degrees(math.atan2(gradient_y, gradient_x))
+    rounded = np.float32(angle if angle >= 0 else angle + 360)
+    return rounded if rounded < 360 else np.float32(0)   # what a tiny negative angle rounds to
+
+
+def orient_along_gradient(points: np.ndarray, image: np.ndarray, octave: int, side: int, weights: np.ndarray,
+                          slopes: np.ndarray) -> None:
+    """The direction of an octave's key points; reference: `orientation.reference_orient_along_gradient`.
+
+    `points` are contiguous; `side`, `weights` and `slopes` are those of `orientation.gaussian_and_slope`.
+    """
+    _orient_along_gradient(points.view(np.float32), read_only(image), octave, side, weights, slopes)
+
+
+@kernel
+def _orient_along_gradient(numbers, image, octave, side, weights, slopes):
+    octaves, scale = numbers.view(np.int32), 1 / (1 << octave)
+    patch = np.zeros(side * weights.shape[1], image.dtype)
+    for at in range(0, len(numbers), 6):   # x, y, size, angle, response and octave of a point
+        if octaves[at + 5] == octave:
+            gradient_x, gradient_y = _gradient_at(image, numbers[at] * scale, numbers[at + 1] * scale, side, weights,
+                                                  slopes, patch)
+            numbers[at + 3] = _direction(gradient_x, gradient_y)
 
 
 def products_of_cells(image: np.ndarray, side: int) -> np.ndarray:

@@ -18,12 +18,12 @@ def strongest_first(values: np.ndarray, count: int | None = None) -> np.ndarray:
     if values.dtype != np.float32:
         values = values.astype(np.float64, copy=False)
     bits = (values + values.dtype.type(0)).view(f'u{values.itemsize}')   # -0.0 becomes 0.0
-    return _strongest_first(bits, len(bits) if count is None else min(count, len(bits)))
+    return order_of_bits(bits, len(bits) if count is None else min(count, len(bits)))
 
 
 @kernel
-def _strongest_first(bits, count):
-    """The bits of a positive float rise with it, those of a negative one fall; they are overwritten."""
+def order_of_bits(bits, count):
+    """The same of the bits of floats, which are overwritten: those of a positive one rise with it, others fall."""
     size, top = len(bits), 8 * bits.itemsize - 1
     falls = 0
     for i in range(size):
