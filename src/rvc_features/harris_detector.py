@@ -107,7 +107,7 @@ class HarrisDetector(FeatureDetector):
             self.refine(found, octave, of_octave.shape, mask)
             corners.append(found)
         points = self.join(corners)
-        if not (filtered_first and len(corners) == 1):
+        if not (filtered_first and points is corners[0]):
             points = self.filter(points)
         self.orient(points, octaves)
         return points

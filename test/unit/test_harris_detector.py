@@ -231,6 +231,11 @@ def test_number_of_points():
     assert len(both.detect(image)) == 20
 
 
+def test_number_of_points_is_that_of_all_layers_of_one_octave():
+    layered = sheet_detector(octave_layers=3, fixed_number_of_points=True, number_of_points=40)
+    assert len(layered.detect(texture((240, 320)))) == 40
+
+
 def test_anms_always_has_the_strongest():
     image = texture((240, 320))
     strongest = sheet_detector(fixed_number_of_points=True, number_of_points=1).detect_arrays(image)
