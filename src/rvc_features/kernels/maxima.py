@@ -73,7 +73,7 @@ def _is_maximum(response, x, y, minimum):
 
 @kernel
 def refine(response, x, y):
-    """Tops of the quadratics through the 3x3 values; reference: `maxima.reference_refine`."""
+    """Tops of the quadratics nearest to the 3x3 values; reference: `maxima.reference_refine`."""
     height, width = response.shape
     refined_x, refined_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
     for i in range(len(x)):
@@ -84,10 +84,14 @@ def refine(response, x, y):
         middle = np.float64(response[v, u])
         left, right = np.float64(response[v, u - 1]), np.float64(response[v, u + 1])
         above, below = np.float64(response[v - 1, u]), np.float64(response[v + 1, u])
-        g_x, g_y = (right - left) / 2, (below - above) / 2
-        s_xx, s_yy = right - 2 * middle + left, below - 2 * middle + above
-        s_xy = (np.float64(response[v + 1, u + 1]) - np.float64(response[v + 1, u - 1])
-                - np.float64(response[v - 1, u + 1]) + np.float64(response[v - 1, u - 1])) / 4
+        top_left, top_right = np.float64(response[v - 1, u - 1]), np.float64(response[v - 1, u + 1])
+        bottom_left, bottom_right = np.float64(response[v + 1, u - 1]), np.float64(response[v + 1, u + 1])
+        on_left, on_right = (top_left + 2 * left + bottom_left) / 4, (top_right + 2 * right + bottom_right) / 4
+        on_top, on_bottom = (top_left + 2 * above + top_right) / 4, (bottom_left + 2 * below + bottom_right) / 4
+        g_x, g_y = (on_right - on_left) / 2, (on_bottom - on_top) / 2
+        s_xx = on_right - 2 * ((above + 2 * middle + below) / 4) + on_left
+        s_yy = on_bottom - 2 * ((left + 2 * middle + right) / 4) + on_top
+        s_xy = (bottom_right - bottom_left - top_right + top_left) / 4
         determinant = s_xx * s_yy - s_xy * s_xy
         if determinant > 0 and s_xx < 0:
             refined_x[i] += min(max((s_xy * g_y - s_yy * g_x) / determinant, -0.5), 0.5)
