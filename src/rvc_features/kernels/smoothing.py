@@ -39,8 +39,9 @@ def smooth_row(image, y, column, lead, smoothed, slot):
 
 
 @kernel
-def widen_columns(smoothed, offsets, weights, far, column, lead, width):
-    """Weighted sums down the columns of the smoothed image."""
+def widen_columns(smoothed, offsets, weights, known, column, lead, width):
+    """Weighted sums down the columns of the smoothed image; `known` is as long as the radius: for the compiler."""
+    far = len(known)
     for i in range(0, width, LANES):
         total = splat(weights[0]) * converted(load(smoothed, offsets[far] + i), weights)
         for j in range(1, far + 1):
@@ -50,8 +51,9 @@ def widen_columns(smoothed, offsets, weights, far, column, lead, width):
 
 
 @kernel
-def widen_by_pairs(smoothed, offsets, pairs, far, column, lead, width):
+def widen_by_pairs(smoothed, offsets, pairs, known, column, lead, width):
     """`widen_columns` of int16, two products at a time."""
+    far = len(known)
     for i in range(0, width, LANES):
         inner = load(smoothed, offsets[far] + i)
         outer = load(smoothed, offsets[far - 1] + i) + load(smoothed, offsets[far + 1] + i)
@@ -69,8 +71,9 @@ def widen_by_pairs(smoothed, offsets, pairs, far, column, lead, width):
 
 
 @kernel
-def widen_row(column, weights, far, lead, width, wide, slot):
+def widen_row(column, weights, known, lead, width, wide, slot):
     """Weighted sums along the row of what was smoothed down the columns."""
+    far = len(known)
     reflect_ends(column, lead, width, far)
     to = slot * wide.shape[1]
     for i in range(lead, lead + width, LANES):

@@ -159,15 +159,15 @@ def _response(image, smooth, window, known, further, known_further, corner_unit,
             for j in range(2 * far + 1):
                 offsets[j] = reflect(done_wide - far + j, height) % slots * length + lead
             if pairs is not None:
-                widen_by_pairs(smoothed, offsets, pairs, far, column_of_smoothed, lead, width)
+                widen_by_pairs(smoothed, offsets, pairs, known_further, column_of_smoothed, lead, width)
             else:
-                widen_columns(smoothed, offsets, further, far, column_of_smoothed, lead, width)
-            widen_row(column_of_smoothed, further, far, lead, width, wide, done_wide % 4)
+                widen_columns(smoothed, offsets, further, known_further, column_of_smoothed, lead, width)
+            widen_row(column_of_smoothed, further, known_further, lead, width, wide, done_wide % 4)
             done_wide += 1
         for j in range(2 * radius + 2):
             offsets[j] = reflect(y - radius + j, height) % product_slots * 3 * length + lead
         for part in range(3):
-            _weigh_rows(products, offsets, part * length, window, radius, width, columns, part * length + lead)
+            _weigh_rows(products, offsets, part * length, window, known, width, columns, part * length + lead)
         for row in range(min(2, last - y)):
             for part in range(3):
                 reflect_ends(columns[row, part], lead, width, radius)
@@ -175,7 +175,7 @@ def _response(image, smooth, window, known, further, known_further, corner_unit,
                 enlarge_row(coarse, y + row, enlarged, lead, width)
             for j in range(3):
                 offsets[j] = reflect(y + row - 1 + j, height) % 4 * length + lead
-            _respond(columns, row * 3 * length + lead, window, radius, wide, offsets, corner_unit, saddle_unit, coarse,
+            _respond(columns, row * 3 * length + lead, window, known, wide, offsets, corner_unit, saddle_unit, coarse,
                      enlarged, lead, out, (y + row) * out.shape[1] + margin, width, largest)
     return largest.max()
 
@@ -209,9 +209,9 @@ def _multiply_row(smoothed, offsets, products, to, width, stride):
 
 
 @kernel
-def _weigh_rows(products, offsets, start, weights, radius, width, columns, to):
+def _weigh_rows(products, offsets, start, weights, known, width, columns, to):
     """Weighted sums down the columns, for one row and for the next, which begins one row of products later."""
-    next_row = 3 * columns.shape[2]
+    next_row, radius = 3 * columns.shape[2], _radius(weights, known)
     for i in range(0, width, LANES):
         at = start + i
         low, high = load(products, offsets[0] + at), load(products, offsets[2 * radius + 1] + at)
@@ -227,10 +227,10 @@ def _weigh_rows(products, offsets, start, weights, radius, width, columns, to):
 
 
 @kernel
-def _respond(columns, start, weights, radius, wide, offsets, corner_unit, saddle_unit, coarse, enlarged, lead, out, to,
+def _respond(columns, start, weights, known, wide, offsets, corner_unit, saddle_unit, coarse, enlarged, lead, out, to,
              width, largest):
     """One row of R or M from the weighted sums down the columns and from three rows of what was smoothed further."""
-    stride = columns.shape[2]
+    stride, radius = columns.shape[2], _radius(weights, known)
     corner_unit, saddle_unit, sixteenth = splat(corner_unit), splat(saddle_unit), splat(np.float32(1 / 16))
     zero, tiny = splat(np.float32(0)), splat(np.float32(1e-30))   # no trace is as small, but where it is 0
     most = load(largest, 0)
