@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from rvc_features.kernels import smallest_box
+from rvc_features.kernels import gaussian, smallest_box
 from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
 from rvc_features.kernels.rows import (
     gradient_buffers,
@@ -34,6 +34,7 @@ if installed:
         widened,
     )
 
+LEAST_GAUSSIAN_IN_STRANDS = 21   # pixels: smaller windows do not repay what it takes to cut rows into strands
 LARGEST_BOX = 45   # pixels: the largest odd window whose sums of Sobel products fit in 32 bits, w^2 (4 * 255)^2 < 2^31
 
 
@@ -78,6 +79,9 @@ def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k
             return smallest_box.response(image, np.float32(harris_k), out, first, last)
         kind = np.float32 if is_single else np.float64
         return _box_response(image, taps, gradient, product, int(window_size), kind(harris_k), out, first, last)
+    if exact and window_size >= LEAST_GAUSSIAN_IN_STRANDS and image.shape[1] >= gaussian.LEAST_WIDTH:
+        sigma = _gaussian_sigma(window_size)
+        return gaussian.response(image, window_size, sigma, np.float32(harris_k), out, first, last)
     weights = _gaussian_weights(window_size)
     return _gaussian_response(image, taps, gradient, weights, np.float32(harris_k), out, first, last)
 
@@ -100,8 +104,12 @@ def _gaussian_taps(radius: int, sigma: float) -> np.ndarray:
 @functools.lru_cache(maxsize=64)
 def _gaussian_weights(window_size: int) -> np.ndarray:
     """Weights of the Gaussian window, with a zero before and after, float32, shape (window_size + 2,)."""
-    side = _gaussian_taps(window_size // 2, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8)
+    side = _gaussian_taps(window_size // 2, _gaussian_sigma(window_size))
     return np.pad(np.concatenate((side[:0:-1], side)), 1).astype(np.float32)
+
+
+def _gaussian_sigma(window_size: int) -> float:
+    return 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8
 
 
 @kernel
