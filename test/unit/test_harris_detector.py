@@ -96,7 +96,7 @@ def test_quarter_turn_turns_the_points():
     assert nearest(turned, expected).max() < 0.01
     order = [np.argmin(np.hypot(*(positions(turned) - p).T)) for p in expected]
     difference = (turned['angle'][order] - points['angle'] + 90 + 180) % 360 - 180
-    assert np.abs(difference).max() < 1
+    assert np.abs(difference).max() < 2   # the next 64th of a pixel may be taken for a place between two
 
 
 def test_enlarged_image_enlarges_positions():
