@@ -42,7 +42,7 @@ _PRESETS = {
     'matching': Preset(
         'Points of several scales with size and direction, to be described and matched through a change of scale.',
         'A corner is two points of different sizes in each octave that shows it; the places are half as many.',
-        {'octaves': 3, 'merge_octaves': False, 'octave_layers': 2, 'evenness': 0.5, 'shape_adaptation': False,
+        {'octaves': 3, 'merge_octaves': False, 'octave_layers': 2, 'evenness': 1.0, 'shape_adaptation': False,
          'fixed_number_of_points': True}),
 }
 
