@@ -62,6 +62,8 @@ def read_only(image: np.ndarray) -> np.ndarray:
 def in_bands(work: Callable[[int, int], Any], height: int, width: int) -> list[Any]:
     """What `work(first, last)` gives for bands of rows that make up the image, in their order."""
     bands = max(1, min(cv2.getNumThreads(), height * width // _LEAST_BAND, height))
+    if bands == 1:
+        return [work(0, height)]
     ends = [height * (band + 1) // bands for band in range(bands)]
     others = [_threads().submit(work, first, last) for first, last in zip(ends, ends[1:])]
     return [work(0, ends[0]), *(other.result() for other in others)]
