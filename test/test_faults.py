@@ -296,6 +296,8 @@ class TestProcesses(unittest.TestCase):
             for name, process in nodes:
                 process.wait(SECONDS)
                 text = (self.folder / name).read_text()
+                if 'Fatal Python error: init_import_site' in text:
+                    continue   # Python itself was interrupted, before it had come to our first line
                 self.assertNotIn('Traceback', text)
                 self.assertNotIn('Error', text)
 
