@@ -25,7 +25,7 @@ def draw_key_points(image: np.ndarray, key_points: KeyPoints, picture: np.ndarra
     Parameters
     ----------
     image : ndarray, uint8, shape (H, W) or (H, W, 3)
-        Grey or BGR; it is not changed.
+        Grey or BGR; it is not changed, unless it is the picture, too.
     key_points : sequence of cv2.KeyPoint, or structured array of key_points.DTYPE
     picture : ndarray, uint8, shape (H, W, 3), contiguous, optional
         Where to draw, instead of a new image; what it holds is overwritten. It may be the image itself.

@@ -96,7 +96,10 @@ def test_quarter_turn_turns_the_points():
     assert nearest(turned, expected).max() < 0.01
     order = [np.argmin(np.hypot(*(positions(turned) - p).T)) for p in expected]
     difference = (turned['angle'][order] - points['angle'] + 90 + 180) % 360 - 180
-    assert np.abs(difference).max() < 2   # the next 64th of a pixel may be taken for a place between two
+    # Half way between two pixels the orientation's kernel has its middle on either of them, and ends at three sigma.
+    is_halfway = (positions(points) % 1 == 0.5).any(axis=1)
+    assert np.abs(difference[~is_halfway]).max() < 1
+    assert np.abs(difference[is_halfway]).max() < 2
 
 
 def test_enlarged_image_enlarges_positions():

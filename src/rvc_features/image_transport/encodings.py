@@ -90,7 +90,7 @@ def recoloured(array: np.ndarray, encoding: str, target: str) -> np.ndarray:
     if encoding == target:
         return array
     if (encoding, target) == ('bgr8', 'mono8'):
-        return as_grey(array)   # faster than OpenCV
+        return as_grey(array)   # for less of the processor than OpenCV
     source, goal = letters(encoding), letters(target).upper().replace('MONO', 'GRAY')
     if encoding in YUV:
         name = f'YUV2{goal}_{YUV[encoding]}'

@@ -13,11 +13,10 @@ from std_msgs.msg import Header
 
 from rvc_features.image_transport.compressed import decompressed
 from rvc_features.image_transport.encodings import YUV, ImageError, buffer, converted, fitting, layout
-from rvc_features.image_transport.whole_writes import Piece, header_bytes
+from rvc_features.image_transport.whole_writes import HEADER, Piece, header_bytes
 from rvc_features.still_images import MEGAPIXELS, TooLargeError, check_size
 
 # Of sensor_msgs/Image, as it travels.
-_HEADER = struct.Struct('<4I')   # seq, stamp, length of the frame_id
 _SIZE = struct.Struct('<3I')     # height, width, length of the encoding
 _LAYOUT = struct.Struct('<B2I')  # is_bigendian, step, length of the data
 
@@ -117,8 +116,8 @@ class Image(sensor_msgs.msg.Image):
     def deserialize(self, buff: bytes | memoryview) -> Image:
         header = self.header
         try:
-            header.seq, header.stamp.secs, header.stamp.nsecs, length = _HEADER.unpack_from(buff)
-            header.frame_id, place = _text(buff, _HEADER.size, length)
+            header.seq, header.stamp.secs, header.stamp.nsecs, length = HEADER.unpack_from(buff)
+            header.frame_id, place = _text(buff, HEADER.size, length)
             self.height, self.width, length = _SIZE.unpack_from(buff, place)
             self.encoding, place = _text(buff, place + _SIZE.size, length)
             self.is_bigendian, self.step, length = _LAYOUT.unpack_from(buff, place)

@@ -23,7 +23,7 @@ Piece = Union[bytes, memoryview]
 
 _DONT_WAIT = getattr(socket, 'MSG_DONTWAIT', 0)
 _LENGTH = struct.Struct('<I')
-_HEADER = struct.Struct('<4I')
+HEADER = struct.Struct('<4I')   # of a message, as it travels: seq, stamp, length of the frame_id
 
 
 class TopicPublisher(rospy.Publisher):
@@ -97,7 +97,7 @@ def framed(message: Any) -> list[Piece]:
 def header_bytes(header: Any) -> bytes:
     """A std_msgs/Header as it travels."""
     stamp, frame_id = header.stamp, (header.frame_id or '').encode()
-    return _HEADER.pack(header.seq, stamp.secs, stamp.nsecs, len(frame_id)) + frame_id
+    return HEADER.pack(header.seq, stamp.secs, stamp.nsecs, len(frame_id)) + frame_id
 
 
 def write_at_once(implementation: Any, queue_size: int) -> None:

@@ -11,13 +11,11 @@ from rvc_features.kernels.compiler import installed, kernel
 from rvc_features.kernels.smallest_box import response_of_sums
 
 if installed:
-    from llvmlite import ir
-
+    from rvc_features.kernels.instructions import with_next
     from rvc_features.kernels.vectors import (
         LANES,
         converted,
         distance,
-        intrinsic,
         load,
         load_double,
         lowest_bit,
@@ -35,16 +33,6 @@ if installed:
         where_not_less,
         widened,
     )
-
-    @intrinsic
-    def with_next(typing_context, vector):
-        """Each number of a vector of integers plus the one after it; after the last one comes zero."""
-        def emit(context, builder, signature, arguments):
-            value = arguments[0]
-            places = ir.Constant(ir.VectorType(ir.IntType(32), vector.lanes), list(range(1, vector.lanes + 1)))
-            nothing = ir.Constant(value.type, [0] * vector.lanes)
-            return builder.add(value, builder.shuffle_vector(value, nothing, places))
-        return vector(vector), emit
 
 ROWS = 4         # of a block
 COLUMNS = 14     # of a block

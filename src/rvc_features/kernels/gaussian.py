@@ -34,21 +34,16 @@ _CHUNK = 8    # vectors of a row, at once
 _INT16 = np.empty(0, np.int16)   # for its type: what gradients are kept in
 
 
-def response(image: np.ndarray, window_size: int, sigma: float, harris_k: np.float32, out: np.ndarray, first: int,
+def response(image: np.ndarray, taps: np.ndarray, harris_k: np.float32, out: np.ndarray, first: int,
              last: int) -> float:
-    """Fill in the rows from `first` to before `last`; returns the largest value in them."""
-    weights, scale = _weights(window_size // 2, sigma)
+    """Fill in the rows from `first` to before `last`; returns the largest value in them.
+
+    `taps` are the window's weights from its centre outwards. Here the first is one, and what that makes of H is undone.
+    """
+    weights, scale = (taps / taps[0]).astype(np.float32), np.float32(taps[0] ** 4)
     width = image.shape[1]
     length = -(-width // (_CHUNK * _STRANDS)) * _CHUNK
-    return _response(image, weights, harris_k, scale, length, _outside(width, length, window_size // 2), out, first,
-                     last)
-
-
-@functools.lru_cache(maxsize=64)
-def _weights(radius: int, sigma: float) -> tuple[np.ndarray, np.float32]:
-    """Weights from the centre outwards, of which the first is one, and what H has to be multiplied by for that."""
-    weights = np.exp(-np.arange(radius + 1) ** 2 / (2 * sigma ** 2))
-    return weights.astype(np.float32), np.float32((2 * weights.sum() - 1) ** -4)
+    return _response(image, weights, harris_k, scale, length, _outside(width, length, len(taps) - 1), out, first, last)
 
 
 @functools.lru_cache(maxsize=64)
@@ -181,7 +176,10 @@ def _weigh_along(products, start, weights, length, sums, to):
 
 @kernel
 def _weigh_down(sums, offsets, start, weights, block, to):
-    """The same down the columns, for a chunk of four rows."""
+    """The same down the columns, for a chunk of four rows.
+
+    A kernel of its own: one that looks up where the neighbours lie in either case takes an eighth longer for the whole.
+    """
     radius, size = len(weights) - 1, _CHUNK * _STRANDS
     for i in range(0, size, _STRANDS):
         at = start + i

@@ -7,7 +7,7 @@ from typing import Any
 from llvmlite import ir
 from numba import types
 
-from rvc_features.kernels.vectors import LANES, Vector, intrinsic
+from rvc_features.kernels.vectors import LANES, Vector, indices, intrinsic
 
 HALF = LANES // 2
 _BITS = 16   # of the integers that are widened in place
@@ -59,13 +59,7 @@ def _expecting(is_write: bool) -> Any:
 expect_to_read, expect_to_write = _expecting(False), _expecting(True)
 
 
-# ---- Running sums ----
-
-def _picked(builder: Any, a: Any, b: Any, places: list[int]) -> Any:
-    """Numbers of two vectors, which count as one of twice the length."""
-    index = ir.IntType(32)
-    return builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(index, len(places)), [index(i) for i in places]))
-
+# ---- Sums of neighbours ----
 
 @intrinsic
 def running_sums(typing_context, vector):
@@ -77,10 +71,10 @@ def running_sums(typing_context, vector):
         # First among four, which lie together in 128 bits of 32-bit numbers, then from four to the next four.
         for step in (1, 2):
             places = [i - step if i % 4 >= step else vector.lanes for i in range(vector.lanes)]
-            sums = add(sums, _picked(builder, sums, nothing, places))
+            sums = add(sums, builder.shuffle_vector(sums, nothing, indices(places)))
         for first in range(4, vector.lanes, 4):
             places = [first - 1 if first <= i < first + 4 else vector.lanes for i in range(vector.lanes)]
-            sums = add(sums, _picked(builder, sums, nothing, places))
+            sums = add(sums, builder.shuffle_vector(sums, nothing, indices(places)))
         return sums
     return vector(vector), emit
 
@@ -89,5 +83,15 @@ def running_sums(typing_context, vector):
 def last_everywhere(typing_context, vector):
     """A vector of the last number of another."""
     def emit(context, builder, signature, arguments):
-        return _picked(builder, arguments[0], arguments[0], [vector.lanes - 1] * vector.lanes)
+        return builder.shuffle_vector(*arguments, *arguments, indices([vector.lanes - 1] * vector.lanes))
+    return vector(vector), emit
+
+
+@intrinsic
+def with_next(typing_context, vector):
+    """Each number of a vector of integers plus the one after it; after the last one comes zero."""
+    def emit(context, builder, signature, arguments):
+        value = arguments[0]
+        nothing = ir.Constant(value.type, [0] * vector.lanes)
+        return builder.add(value, builder.shuffle_vector(value, nothing, indices(range(1, vector.lanes + 1))))
     return vector(vector), emit

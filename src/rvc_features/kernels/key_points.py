@@ -7,7 +7,7 @@ import numpy as np
 from rvc_features.kernels.compiler import kernel, read_only
 from rvc_features.kernels.sorting import order_of_bits
 
-_NUMBERS = 6   # of a key point: x, y, size, angle, response, and the bits of the octave
+NUMBERS = 6   # of a key point: x, y, size, angle, response, and the bits of the octave
 
 
 def of_corners(x: np.ndarray, y: np.ndarray, responses: np.ndarray, size: int, octave: int) -> np.ndarray:
@@ -18,11 +18,11 @@ def of_corners(x: np.ndarray, y: np.ndarray, responses: np.ndarray, size: int, o
 
 @kernel
 def _of_corners(x, y, responses, size, octave):
-    numbers = np.empty(_NUMBERS * len(x), np.float32)
+    numbers = np.empty(NUMBERS * len(x), np.float32)
     octaves = numbers.view(np.int32)
     size = np.float32(size << octave)
     for i in range(len(x)):
-        at = _NUMBERS * i
+        at = NUMBERS * i
         numbers[at], numbers[at + 1] = x[i] << octave, y[i] << octave
         numbers[at + 2], numbers[at + 3], numbers[at + 4] = size, -1, responses[i]
         octaves[at + 5] = octave
@@ -36,14 +36,14 @@ def strongest(key_points: np.ndarray, count: int) -> np.ndarray:
 
 @kernel
 def _strongest(numbers, count):
-    responses = np.empty(len(numbers) // _NUMBERS, np.float32)
+    responses = np.empty(len(numbers) // NUMBERS, np.float32)
     for i in range(len(responses)):
-        responses[i] = numbers[_NUMBERS * i + 4] + np.float32(0)   # -0.0 becomes 0.0
+        responses[i] = numbers[NUMBERS * i + 4] + np.float32(0)   # -0.0 becomes 0.0
     order = order_of_bits(responses.view(np.uint32), count)
-    chosen = np.empty(_NUMBERS * count, np.float32)
+    chosen = np.empty(NUMBERS * count, np.float32)
     for i in range(count):
-        for j in range(_NUMBERS):
-            chosen[_NUMBERS * i + j] = numbers[_NUMBERS * order[i] + j]
+        for j in range(NUMBERS):
+            chosen[NUMBERS * i + j] = numbers[NUMBERS * order[i] + j]
     return chosen
 
 
@@ -56,7 +56,7 @@ def are_sound(key_points: np.ndarray, height: int, width: int) -> bool:
 def _are_sound(numbers, height, width):
     right, bottom, infinite = np.float32(width - 0.5), np.float32(height - 0.5), np.float32(np.inf)
     unsound = 0
-    for at in range(0, len(numbers), _NUMBERS):
+    for at in range(0, len(numbers), NUMBERS):
         x, y, size = numbers[at], numbers[at + 1], numbers[at + 2]
         unsound += not ((-0.5 <= x <= right) & (-0.5 <= y <= bottom) & (0 <= size < infinite)
                         & (abs(numbers[at + 3]) < infinite) & (abs(numbers[at + 4]) < infinite))

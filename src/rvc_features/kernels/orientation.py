@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from rvc_features.kernels.compiler import LEAST_WIDTH, installed, kernel, read_only
+from rvc_features.kernels.key_points import NUMBERS
 from rvc_features.kernels.rows import reflect, reflect_ends, row_lead, row_length, zeros
 
 if installed:
@@ -37,19 +38,19 @@ def smoothed_gradients(image: np.ndarray, x: np.ndarray, y: np.ndarray, side: in
 
 @kernel
 def _smoothed_gradients(image, x, y, side, weights, slopes):
-    patch = np.zeros(side * weights.shape[1], image.dtype)
+    length, weights, slopes = weights.shape[1], weights.ravel(), slopes.ravel()
+    patch = np.zeros(side * length, image.dtype)
     gradient_x, gradient_y = np.empty(len(x), np.float64), np.empty(len(x), np.float64)
     for i in range(len(x)):
-        gradient_x[i], gradient_y[i] = _gradient_at(image, x[i], y[i], side, weights, slopes, patch)
+        gradient_x[i], gradient_y[i] = _gradient_at(image, x[i], y[i], side, length, weights, slopes, patch)
     return gradient_x, gradient_y
 
 
 @kernel
-def _gradient_at(image, x, y, side, weights, slopes, patch):
+def _gradient_at(image, x, y, side, length, weights, slopes, patch):
     """Of one point; `patch` is room for the pixels round it where they are not all in the image."""
     height, width = image.shape
-    radius, steps, length = side // 2, len(weights) - 1, weights.shape[1]
-    weights, slopes = weights.ravel(), slopes.ravel()
+    radius, steps = side // 2, len(weights) // length - 1
     middle_x, middle_y = np.int64(np.floor(x + 0.5)), np.int64(np.floor(y + 0.5))
     left, top = middle_x - radius, middle_y - radius
     row_x = np.int64((x - middle_x + 0.5) * steps + 0.5) * length
@@ -112,11 +113,12 @@ def orient_along_gradient(points: np.ndarray, image: np.ndarray, octave: int, si
 @kernel
 def _orient_along_gradient(numbers, image, octave, side, weights, slopes):
     octaves, scale = numbers.view(np.int32), 1 / (1 << octave)
-    patch = np.zeros(side * weights.shape[1], image.dtype)
-    for at in range(0, len(numbers), 6):   # x, y, size, angle, response and octave of a point
+    length, weights, slopes = weights.shape[1], weights.ravel(), slopes.ravel()
+    patch = np.zeros(side * length, image.dtype)
+    for at in range(0, len(numbers), NUMBERS):
         if octaves[at + 5] == octave:
-            gradient_x, gradient_y = _gradient_at(image, numbers[at] * scale, numbers[at + 1] * scale, side, weights,
-                                                  slopes, patch)
+            gradient_x, gradient_y = _gradient_at(image, numbers[at] * scale, numbers[at + 1] * scale, side, length,
+                                                  weights, slopes, patch)
             numbers[at + 3] = _direction(gradient_x, gradient_y)
 
 

@@ -80,8 +80,7 @@ def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k
         kind = np.float32 if is_single else np.float64
         return _box_response(image, taps, gradient, product, int(window_size), kind(harris_k), out, first, last)
     if exact and window_size >= LEAST_GAUSSIAN_IN_STRANDS and image.shape[1] >= gaussian.LEAST_WIDTH:
-        sigma = _gaussian_sigma(window_size)
-        return gaussian.response(image, window_size, sigma, np.float32(harris_k), out, first, last)
+        return gaussian.response(image, _window_taps(window_size), np.float32(harris_k), out, first, last)
     weights = _gaussian_weights(window_size)
     return _gaussian_response(image, taps, gradient, weights, np.float32(harris_k), out, first, last)
 
@@ -104,12 +103,12 @@ def _gaussian_taps(radius: int, sigma: float) -> np.ndarray:
 @functools.lru_cache(maxsize=64)
 def _gaussian_weights(window_size: int) -> np.ndarray:
     """Weights of the Gaussian window, with a zero before and after, float32, shape (window_size + 2,)."""
-    side = _gaussian_taps(window_size // 2, _gaussian_sigma(window_size))
+    side = _window_taps(window_size)
     return np.pad(np.concatenate((side[:0:-1], side)), 1).astype(np.float32)
 
 
-def _gaussian_sigma(window_size: int) -> float:
-    return 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8
+def _window_taps(window_size: int) -> np.ndarray:
+    return _gaussian_taps(window_size // 2, 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8)
 
 
 @kernel

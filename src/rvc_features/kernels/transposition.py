@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import Any
 
 from llvmlite import ir
-from numba import extending, types
+from numba import types
 
-intrinsic: Any = extending.intrinsic   # calls leave out the first argument, which type checkers miss
+from rvc_features.kernels.vectors import indices, intrinsic
 
 
 def _places(context: Any, builder: Any, array_type: Any, array: Any, start: Any, step: Any, count: int,
@@ -21,11 +21,6 @@ def _places(context: Any, builder: Any, array_type: Any, array: Any, start: Any,
     return [builder.bitcast(builder.gep(data, [index]), vector_type.as_pointer()) for index in indices]
 
 
-def _picked(builder: Any, a: Any, b: Any, lanes: list[int]) -> Any:
-    kind = ir.VectorType(ir.IntType(32), len(lanes))
-    return builder.shuffle_vector(a, b, ir.Constant(kind, [ir.IntType(32)(lane) for lane in lanes]))
-
-
 def _interleaved(builder: Any, rows: list[Any], times: int, blocks: int) -> list[Any]:
     """So many times the first half of all numbers and the second in turn, each block of a vector by itself.
 
@@ -33,10 +28,10 @@ def _interleaved(builder: Any, rows: list[Any], times: int, blocks: int) -> list
     """
     lanes, half = rows[0].type.count, len(rows) // 2
     size = lanes // blocks
-    low, high = ([block * size + first + i + other for block in range(blocks) for i in range(size // 2)
-                  for other in (0, lanes)] for first in (0, size // 2))
+    low, high = (indices(block * size + first + i + other for block in range(blocks) for i in range(size // 2)
+                         for other in (0, lanes)) for first in (0, size // 2))
     for _ in range(times):
-        rows = [_picked(builder, rows[i], rows[i + half], lanes) for i in range(half) for lanes in (low, high)]
+        rows = [builder.shuffle_vector(rows[i], rows[i + half], lanes) for i in range(half) for lanes in (low, high)]
     return rows
 
 
@@ -64,7 +59,7 @@ def transpose_floats(typing_context, source, start, step, target, to, target_ste
         four, eight = (ir.VectorType(ir.FloatType(), count) for count in (4, 8))
         rows = [builder.load(place, align=4)
                 for place in _places(context, builder, source, array, first, apart, 8, four)]
-        rows = [_picked(builder, rows[i], rows[i + 4], list(range(8))) for i in range(4)]
+        rows = [builder.shuffle_vector(rows[i], rows[i + 4], indices(range(8))) for i in range(4)]
         for row, place in zip(_interleaved(builder, rows, 2, 2),
                               _places(context, builder, target, out, at, out_apart, 4, eight)):
             builder.store(row, place, align=4)

@@ -78,7 +78,7 @@ def store(typing_context, array, index, vector):
     return types.void(array, index, vector), emit
 
 
-def _indices(numbers: Iterable[int]) -> Any:
+def indices(numbers: Iterable[int]) -> Any:
     """Which lanes of two vectors, counted through, LLVM is to take."""
     chosen = [ir.IntType(32)(number) for number in numbers]
     return ir.Constant(ir.VectorType(ir.IntType(32), len(chosen)), chosen)
@@ -91,7 +91,7 @@ def _splatting(lanes: int) -> Any:
         def emit(context, builder, signature, arguments):
             undefined = ir.Constant(context.get_value_type(signature.return_type), ir.Undefined)
             first = builder.insert_element(undefined, arguments[0], ir.IntType(32)(0))
-            return builder.shuffle_vector(first, undefined, _indices([0] * lanes))
+            return builder.shuffle_vector(first, undefined, indices([0] * lanes))
         return Vector(number, lanes)(number), emit
     return splat
 
@@ -155,7 +155,7 @@ def _shuffle(first: int, step: int, halves: int = 1) -> Any:
     def shuffle(typing_context, a, b):
         def emit(context, builder, signature, arguments):
             places = [first + half * LANES + i * step for i in range(LANES // halves) for half in range(halves)]
-            return builder.shuffle_vector(*arguments, _indices(places))
+            return builder.shuffle_vector(*arguments, indices(places))
         return a(a, b), emit
     return shuffle
 
@@ -169,7 +169,7 @@ interleaved_first, interleaved_second = _shuffle(0, 1, 2), _shuffle(LANES // 2, 
 def interleaved(typing_context, even, odd):
     """Of two halves the numbers in turn: even[0], odd[0], even[1] and so on."""
     def emit(context, builder, signature, arguments):
-        return builder.shuffle_vector(*arguments, _indices(i // 2 + i % 2 * LANES // 2 for i in range(LANES)))
+        return builder.shuffle_vector(*arguments, indices(i // 2 + i % 2 * LANES // 2 for i in range(LANES)))
     return Vector(even.dtype)(even, odd), emit
 
 
@@ -212,7 +212,7 @@ def products_of_pairs(typing_context, a, b):
             function_type = ir.FunctionType(wide, [value.type for value in arguments])
             return builder.call(builder.module.declare_intrinsic('llvm.x86.avx2.pmadd.wd', (), function_type),
                                 arguments)
-        even, odd = (builder.mul(*(builder.sext(builder.shuffle_vector(value, value, _indices(range(first, LANES, 2))),
+        even, odd = (builder.mul(*(builder.sext(builder.shuffle_vector(value, value, indices(range(first, LANES, 2))),
                                                 wide) for value in arguments)) for first in (0, 1))
         return builder.add(even, odd)
     return Vector(types.int32, LANES // 2)(a, b), emit
@@ -289,7 +289,7 @@ def sum_of(typing_context, vector):
         value, lanes = arguments[0], LANES
         while lanes > 1:   # the lower half and the upper half
             lanes //= 2
-            halves = [_indices(range(first, first + lanes)) for first in (0, lanes)]
+            halves = [indices(range(first, first + lanes)) for first in (0, lanes)]
             value = builder.fadd(*(builder.shuffle_vector(value, value, half) for half in halves))
         return builder.extract_element(value, ir.IntType(32)(0))
     return vector.dtype(vector), emit
