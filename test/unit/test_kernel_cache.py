@@ -88,7 +88,7 @@ def test_damage_is_compiled_over_and_mended(folder, caplog, ending, damage):
     with caplog.at_level(logging.WARNING, 'rvc_features'):
         assert not loaded()
         if damage == 'folder':
-            assert 'each start compiles' in caplog.text
+            assert 'at each start' in caplog.text
         else:
             assert ('compiled anew' in caplog.text) == (damage != 'missing')
             assert loaded()   # mended
@@ -123,7 +123,7 @@ def test_a_full_disk_is_said_once_and_kernels_work(tmp_path, monkeypatch, caplog
             assert not loaded()
             assert not loaded()
         assert len(caplog.records) == 1
-        assert 'each start compiles' in caplog.text
+        assert 'at each start' in caplog.text
         assert 'File too large' in caplog.text
     assert not loaded()
     assert loaded()   # as soon as there is room again
@@ -166,6 +166,24 @@ def test_what_the_build_has_compiled_is_read_where_nothing_can_be_written(home, 
         assert not loaded()
     monkeypatch.setattr(cache_folder, '_can_be_written', lambda folder: False)
     assert loaded()
+
+
+def test_what_the_build_left_out_is_kept_in_the_users_cache(home, monkeypatch):
+    """As in a system-wide installation: images of floats, say, are not compiled for by the build."""
+    beside = home / 'package' / cache_folder.BESIDE_THE_PACKAGE
+    with monkeypatch.context() as build:
+        build.setattr(numba.config, 'CACHE_DIR', str(beside))
+        assert not loaded()
+    cache_folder._find.cache_clear()
+    monkeypatch.setattr(cache_folder, '_can_be_written', lambda folder: beside not in folder.parents)
+    before = sorted(beside.rglob('*'))
+    kernel = cache.njit(twice)
+    assert (kernel(21), kernel(0.25)) == (42, 0.5)   # the one from the build, the other compiled
+    assert list(kernel.stats.cache_hits.values()) == [1]
+    again = cache.njit(twice)
+    assert (again(21), again(0.25)) == (42, 0.5)
+    assert list(again.stats.cache_hits.values()) == [1, 1]
+    assert sorted(beside.rglob('*')) == before
 
 
 def test_a_build_for_another_processor_is_said_once_and_left_alone(home, caplog):

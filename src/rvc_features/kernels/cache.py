@@ -14,9 +14,9 @@ from typing import Any, Callable
 
 import numba
 
-from rvc_features.kernels.cache_folder import Locator, caching
+from rvc_features.kernels.cache_folder import Locator, built, caching
 
-_UNCACHED = 'each start compiles for about a minute, for compiled kernels can not be kept'
+_UNCACHED = 'what is compiled now is compiled again at each start, for it can not be kept'
 
 _logger = logging.getLogger('rvc_features')
 _said: set[str] = set()
@@ -49,7 +49,12 @@ class SoundCache(caching.FunctionCache):
 
     def __init__(self, function: Callable[..., Any]) -> None:
         super().__init__(function)
-        self._cache_file: Any = _CheckedFile(self._cache_file)
+        files = [self._cache_file]
+        beside = built()
+        if beside is not None and str(beside) != self.cache_path:   # the build's, not ours to write
+            base, stamp = self._impl.filename_base, self._impl.locator.get_source_stamp()
+            files.append(caching.IndexDataCacheFile(str(beside), base, stamp))
+        self._cache_file: Any = _CheckedFile(files)
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """The compiled function, or None where it has to be compiled."""
@@ -72,11 +77,15 @@ class SoundCache(caching.FunctionCache):
 
 
 class _CheckedFile:
-    """Numba's file of one kernel's variants, with a checksum over each of them and the key it was saved under."""
+    """Numba's files of one kernel's variants, with a checksum over each of them and the key it was saved under.
 
-    def __init__(self, file: Any) -> None:
-        self._file = file
-        self.flush = file.flush
+    All are read, the first is written.
+    """
+
+    def __init__(self, files: list[Any]) -> None:
+        self._files = files
+        self._file = files[0]
+        self.flush = self._file.flush
 
     def save(self, key: Any, data: Any) -> None:
         content = self._file._dump((repr(key), data))
@@ -84,7 +93,7 @@ class _CheckedFile:
 
     def load(self, key: Any) -> Any:
         """What was saved under `key`; None if nothing was, an exception if it is damaged."""
-        found = self._file.load(key)
+        found = next((found for found in (file.load(key) for file in self._files) if found is not None), None)
         if found is None:
             return None
         checksum, content = found

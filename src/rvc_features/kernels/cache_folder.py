@@ -34,11 +34,13 @@ _logger = logging.getLogger('rvc_features')
 
 
 def find() -> Path | None:
-    """The folder to use: the first of those below; None if there is none.
+    """The folder to keep kernels in: the first of those below that can be written; None if there is none.
 
-    1. in NUMBA_CACHE_DIR, where that is set and can be written;
-    2. beside the package, where the build has compiled for this processor; that need not be writable;
+    1. in NUMBA_CACHE_DIR;
+    2. beside the package, where the build has compiled for this processor;
     3. in the user's cache, `~/.cache/rvc_features`.
+
+    Where none can be written it is what the build has compiled.
     """
     return _find(getattr(numba.config, 'CACHE_DIR', ''), tuple(rvc_features.__path__))
 
@@ -46,17 +48,25 @@ def find() -> Path | None:
 @functools.lru_cache(maxsize=None)
 def _find(named: str, package: tuple[str, ...]) -> Path | None:
     name = f'rvc_features-{fingerprint()}'
+    beside = built(package)
+    user = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')) / 'rvc_features' / name
     if named and _can_be_written(Path(named) / name):
         return Path(named) / name
-    built = [Path(folder) / BESIDE_THE_PACKAGE for folder in package]
-    for folder in built:
-        if (folder / name).is_dir():
-            return folder / name
-    if any(any(folder.glob('rvc_features-*')) for folder in built):
+    if beside is None and any(any(Path(folder, BESIDE_THE_PACKAGE).glob('rvc_features-*')) for folder in package):
         _logger.warning('the kernels that the build compiled are for another processor, Numba or state of the source: '
                         'they are compiled anew, for about a minute')
-    folder = Path(os.environ.get('XDG_CACHE_HOME') or os.path.expanduser('~/.cache')) / 'rvc_features' / name
-    return folder if folder.is_absolute() and _can_be_written(folder) else None
+    if beside is not None and _can_be_written(beside):
+        return beside
+    return user if user.is_absolute() and _can_be_written(user) else beside
+
+
+def built(package: tuple[str, ...] | None = None) -> Path | None:
+    """What the build has compiled for this processor, which is read too; None if there is nothing."""
+    for folder in package or rvc_features.__path__:
+        beside = Path(folder) / BESIDE_THE_PACKAGE / f'rvc_features-{fingerprint()}'
+        if beside.is_dir():
+            return beside
+    return None
 
 
 @functools.lru_cache(maxsize=None)

@@ -53,7 +53,7 @@ def compile_all() -> float:
         contrast.noise_of_runs(image, 16)
         energy = contrast.energy_of_cells(image, 8)
         contrast.energy_at(energy, *image.shape, 8, (1, 4), np.ones(9, np.float32), np.ones(1), np.ones(1))
-        contrast.bilinear(np.ones((2, 2), np.float32), np.ones(1), np.ones(1))
+        contrast.bilinear(np.ones((2, 2), np.float32), np.ones(1, np.float32), np.ones(1, np.float32))
         x, y = maxima.refine(values, *maxima.local_maxima(values, 10.0))
         table = np.ones((2, 16), np.float32)
         orientation.directions(*orientation.smoothed_gradients(image, x, y, 11, table, table))
