@@ -59,9 +59,12 @@ def read_only(image: np.ndarray) -> np.ndarray:
     return view
 
 
-def in_bands(work: Callable[[int, int], Any], height: int, width: int) -> list[Any]:
-    """What `work(first, last)` gives for bands of rows that make up the image, in their order."""
-    bands = max(1, min(cv2.getNumThreads(), height * width // _LEAST_BAND, height))
+def in_bands(work: Callable[[int, int], Any], height: int, width: int, cost: int = 1) -> list[Any]:
+    """What `work(first, last)` gives for bands of rows that make up the image, in their order.
+
+    `cost` is that of a pixel, in multiples of a fast kernel's.
+    """
+    bands = max(1, min(cv2.getNumThreads(), height * width * cost // _LEAST_BAND, height))
     if bands == 1:
         return [work(0, height)]
     ends = [height * (band + 1) // bands for band in range(bands)]

@@ -90,7 +90,8 @@ def strength(image: np.ndarray, weights: Weights, out: np.ndarray | None = None)
     if width < 2 * LEAST_WIDTH:
         raise ValueError(f'image must be at least {2 * LEAST_WIDTH} pixels wide; got {width}')
     strength = np.empty((height, width), np.float32) if out is None else out
-    largest = in_bands(lambda first, last: _strength_of_rows(image, weights, strength, first, last), height, width)
+    largest = in_bands(lambda first, last: _strength_of_rows(image, weights, strength, first, last), height, width,
+                       cost=3)
     return strength, max(largest)
 
 
