@@ -8,6 +8,8 @@ two runs depends on the image, the window and on whether Numba is there; the res
 
 from __future__ import annotations
 
+import functools
+
 import cv2
 import numpy as np
 
@@ -157,6 +159,16 @@ def check_image(image: np.ndarray) -> None:
 
 def _check(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float) -> None:
     check_image(image)
+    try:
+        _check_parameters(window_size, window, harris_k, derivative_sigma)
+    except TypeError:   # also of what can't be looked up, which is to be said in words of ours
+        _check_parameters.__wrapped__(window_size, window, harris_k, derivative_sigma)
+        raise
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def _check_parameters(window_size: int, window: str, harris_k: float, derivative_sigma: float) -> None:
+    """As the detectors' parameters are checked; what was right once is not looked at again, image by image."""
     for name, value, specification in (('window_size', window_size, WINDOW_SIZE), ('window', window, WINDOW),
                                        ('harris_k', harris_k, HARRIS_K),
                                        ('derivative_sigma', derivative_sigma, DERIVATIVE_SIGMA)):

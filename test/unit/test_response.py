@@ -126,6 +126,7 @@ def test_derivative_smoothing_equals_smoothing_the_image_first():
     ((np.zeros((9, 9), np.uint8), 4), ValueError, 'window_size must be an odd integer of at least 3; got 4'),
     ((np.zeros((9, 9), np.uint8), 1), ValueError, 'window_size must be .*; got 1'),
     ((np.zeros((9, 9), np.uint8), 5.0), TypeError, 'window_size must be .*; got 5.0 .float'),
+    ((np.zeros((9, 9), np.uint8), [5]), TypeError, r'window_size must be .*; got \[5\] .list'),
     ((np.zeros((9, 9), np.uint8), 5, 'round'), ValueError, "window must be one of 'gaussian', 'box'; got 'round'"),
     ((np.zeros((9, 9), np.uint8), 5, 'box', float('nan')), ValueError, 'harris_k must be a finite .*; got nan'),
     ((np.zeros((9, 9), np.uint8), 5, 'box', 0.04, -1.0), ValueError, 'derivative_sigma must be .*; got -1.0'),
@@ -133,3 +134,11 @@ def test_derivative_smoothing_equals_smoothing_the_image_first():
 def test_bad_arguments_are_named(arguments, error, text):
     with pytest.raises(error, match=text):
         harris_response(*arguments)
+
+
+def test_what_was_right_once_is_not_right_in_another_type():
+    image = np.zeros((9, 9), np.uint8)
+    harris_response(image, 5, 'box', 0)
+    for arguments in ((5.0, 'box', 0), (5, 'box', False)):
+        with pytest.raises(TypeError, match='must be'):
+            harris_response(image, *arguments)

@@ -54,8 +54,8 @@ def kernel(function: Callable[..., Any]) -> Any:
 
 def read_only(image: np.ndarray) -> np.ndarray:
     """A contiguous read-only view or copy: one type for Numba, which would compile again for each kind of array."""
-    view = np.ascontiguousarray(image)[:]
-    view.flags.writeable = False
+    view = np.ascontiguousarray(image).view()
+    view.setflags(write=False)
     return view
 
 
@@ -64,8 +64,9 @@ def in_bands(work: Callable[[int, int], Any], height: int, width: int, cost: int
 
     `cost` is that of a pixel, in multiples of a fast kernel's.
     """
-    bands = max(1, min(cv2.getNumThreads(), height * width * cost // _LEAST_BAND, height))
-    if bands == 1:
+    most = min(height * width * cost // _LEAST_BAND, height)
+    bands = min(cv2.getNumThreads(), most) if most > 1 else 1
+    if bands <= 1:
         return [work(0, height)]
     ends = [height * (band + 1) // bands for band in range(bands)]
     others = [_threads().submit(work, first, last) for first, last in zip(ends, ends[1:])]
