@@ -122,6 +122,18 @@ def test_smallest_box_goes_on_from_block_to_block(shape):
 
 
 @compiled
+@pytest.mark.parametrize('shape', [(45, 45), (46, 64), (60, 97), (47, 130)])
+def test_large_box_equals_reference_up_to_its_largest_window(shape):
+    """Where gradients are steepest all over, the largest window's sums just fit."""
+    steepest = np.tile(np.where(np.arange(shape[1]) // 2 % 2, 255, 0).astype(np.uint8), (shape[0], 1))
+    for image in [steepest, *(image for _, image in images(shape) if image.dtype == np.uint8)]:
+        for window_size in (5, 7, 13, 43, compiled_response.LARGEST_BOX):
+            response, largest = compiled_response.response(image, window_size, 'box', 0.04)
+            assert_equal_response(response, reference_response(image, window_size, 'box', 0.04, 0.0))
+            assert largest == response.max()
+
+
+@compiled
 def test_too_narrow_for_the_kernel_is_an_error():
     with pytest.raises(ValueError, match='at least 18 pixels wide; got 17'):
         compiled_response.response(np.zeros((100, 17), np.uint8), 3, 'box', 0.04)

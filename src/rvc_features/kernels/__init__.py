@@ -2,8 +2,8 @@
 
     response, two_scales, contrast, maxima, orientation, key_points, drawing: twins of the modules of that name;
     sorting, spread, suppression: of filters; grey: of feature_detector
-    smallest_box: the shortest way to the response with the box of 3x3; gaussian: to that with a large Gaussian window,
-    transposition: the way into its strands and out of them
+    smallest_box, large_box: the shortest ways to the response with the box of 3x3, and with larger ones; gaussian: to
+    that with a large Gaussian window, transposition: the way into its strands and out of them
     corners, blocks: the way from there to the strongest corners that leaves most of an image out
     compiler: the decorator, and what all share; rows, resampling, smoothing, vectors, instructions: what kernels
     over whole images are made of

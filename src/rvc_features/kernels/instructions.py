@@ -61,30 +61,22 @@ expect_to_read, expect_to_write = _expecting(False), _expecting(True)
 
 # ---- Sums of neighbours ----
 
-@intrinsic
-def running_sums(typing_context, vector):
-    """a[0], a[0] + a[1], a[0] + a[1] + a[2] and so on."""
-    def emit(context, builder, signature, arguments):
-        sums = arguments[0]
-        nothing = ir.Constant(sums.type, [sums.type.element(0)] * vector.lanes)
-        add = builder.fadd if isinstance(vector.dtype, types.Float) else builder.add
-        # First among four, which lie together in 128 bits of 32-bit numbers, then from four to the next four.
-        for step in (1, 2):
-            places = [i - step if i % 4 >= step else vector.lanes for i in range(vector.lanes)]
-            sums = add(sums, builder.shuffle_vector(sums, nothing, indices(places)))
-        for first in range(4, vector.lanes, 4):
-            places = [first - 1 if first <= i < first + 4 else vector.lanes for i in range(vector.lanes)]
-            sums = add(sums, builder.shuffle_vector(sums, nothing, indices(places)))
-        return sums
-    return vector(vector), emit
+def _picking(*places: int) -> Any:
+    """An intrinsic: of half a vector the numbers in those places; zero where they name the one after the last."""
+    @intrinsic
+    def pick(typing_context, vector):
+        def emit(context, builder, signature, arguments):
+            value = arguments[0]
+            nothing = ir.Constant(value.type, [value.type.element(0)] * vector.lanes)
+            return builder.shuffle_vector(value, nothing, indices(places))
+        return vector(vector), emit
+    return pick
 
 
-@intrinsic
-def last_everywhere(typing_context, vector):
-    """A vector of the last number of another."""
-    def emit(context, builder, signature, arguments):
-        return builder.shuffle_vector(*arguments, *arguments, indices([vector.lanes - 1] * vector.lanes))
-    return vector(vector), emit
+# Among four, which lie together in 128 bits of 32-bit numbers, places are changed sooner than beyond them.
+one_later, two_later = _picking(HALF, 0, 1, 2, HALF, 4, 5, 6), _picking(HALF, HALF, 0, 1, HALF, HALF, 4, 5)
+last_of_four = _picking(3, 3, 3, 3, 7, 7, 7, 7)
+fours_swapped, second_four = _picking(4, 5, 6, 7, 0, 1, 2, 3), _picking(HALF, HALF, HALF, HALF, 4, 5, 6, 7)
 
 
 @intrinsic

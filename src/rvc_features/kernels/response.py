@@ -6,7 +6,7 @@ import functools
 
 import numpy as np
 
-from rvc_features.kernels import gaussian, smallest_box
+from rvc_features.kernels import gaussian, large_box, smallest_box
 from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
 from rvc_features.kernels.rows import (
     gradient_buffers,
@@ -15,12 +15,13 @@ from rvc_features.kernels.rows import (
     reflect_ends,
     row_lead,
     row_length,
+    running_sums,
     sobel_gradient,
     zeros,
 )
 
 if installed:
-    from rvc_features.kernels.instructions import HALF, last_everywhere, running_sums
+    from rvc_features.kernels.instructions import HALF
     from rvc_features.kernels.vectors import (
         LANES,
         converted,
@@ -75,10 +76,11 @@ def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k
     gradient, product = (_INT16, _INT32) if exact else (_FLOAT64, _FLOAT64)
     if window == 'box':
         is_single = exact and harris_k >= LEAST_K_IN_SINGLE_PRECISION
-        if is_single and window_size == 3:
-            return smallest_box.response(image, np.float32(harris_k), out, first, last)
-        kind = np.float32 if is_single else np.float64
-        return _box_response(image, taps, gradient, product, int(window_size), kind(harris_k), out, first, last)
+        if is_single:
+            if window_size == 3:
+                return smallest_box.response(image, np.float32(harris_k), out, first, last)
+            return large_box.response(image, int(window_size), np.float32(harris_k), out, first, last)
+        return _box_response(image, taps, gradient, product, int(window_size), float(harris_k), out, first, last)
     if exact and window_size >= LEAST_GAUSSIAN_IN_STRANDS and image.shape[1] >= gaussian.LEAST_WIDTH:
         return gaussian.response(image, _window_taps(window_size), np.float32(harris_k), out, first, last)
     weights = _gaussian_weights(window_size)
@@ -178,9 +180,8 @@ def _box_row(columns, running, start, size, harris_k, out, y, largest):
         for part in range(0, 3 * stride, stride):
             before = converted(splat_half(np.int16(0)), columns)
             for i in range(part, part + start + width + size, HALF):
-                sums = running_sums(load_half(columns, i))
-                store(running, i + 1, before + sums)
-                before += last_everywhere(sums)
+                sums, before = running_sums(before, load_half(columns, i))
+                store(running, i + 1, sums)
     harris_k = splat(harris_k)
     scale = converted(splat(1 / size ** 4), harris_k)
     most = load(largest, 0)

@@ -7,6 +7,7 @@ import numpy as np
 from rvc_features.kernels.compiler import installed, kernel
 
 if installed:
+    from rvc_features.kernels.instructions import fours_swapped, last_of_four, one_later, second_four, two_later
     from rvc_features.kernels.vectors import LANES, converted, load, splat, store, to_float64, widened
 _FLOAT64 = np.empty(0, np.float64)   # for its type: what rows are smoothed in
 
@@ -110,6 +111,16 @@ def sobel_gradient(parts, i):
     middle = load(parts, differences)
     return (load(parts, sums + 1) - load(parts, sums - 1),
             (load(parts, differences - 1) + load(parts, differences + 1)) + (middle + middle))
+
+
+@kernel
+def running_sums(before, vector):
+    """Sums of half a vector's numbers up to each of them and of what comes before; and what comes before the next."""
+    sums = vector + one_later(vector)
+    sums += two_later(sums)
+    last = last_of_four(sums)
+    swapped = fours_swapped(last)
+    return (before + sums) + second_four(swapped), before + (last + swapped)
 
 
 @kernel
