@@ -63,13 +63,14 @@ def test_response_kernel_equals_reference(shape, window, derivative_sigma):
 
 
 @compiled
-@pytest.mark.parametrize('shape', [(41, 64), (33, 128), (60, 65), (45, 255), (90, 90)])
-def test_gaussian_in_strands_equals_reference(shape):
+@pytest.mark.parametrize('shape', [(41, 64), (33, 128), (60, 33), (45, 255), (48, 90), (9, 500)])
+def test_gaussian_in_blocks_equals_reference(shape):
     y, x = np.indices(shape)
     edges = [np.where(x > shape[1] // 2, 255, 0), np.where(y > shape[0] // 2, 255, 0), np.where(x > y, 255, 0),
              np.where(2 * y > x + 3, 255, 0), np.where((x > shape[1] // 2) & (y > shape[0] // 2), 200, 20)]
     for image in [*(edge.astype(np.uint8) for edge in edges), *(image for _, image in images(shape))]:
-        for window_size in (compiled_response.LEAST_GAUSSIAN_IN_STRANDS, 31, min(shape) - 1 + min(shape) % 2):
+        for window_size in {5, 7, 9, min(31, *shape), min(compiled_response.LARGEST_BOX, *shape)}:
+            window_size -= 1 - window_size % 2
             expected = reference_response(image, window_size, 'gaussian', 0.04, 0.0)
             response, largest = compiled_response.response(image, window_size, 'gaussian', 0.04)
             assert_equal_response(response, expected)
@@ -77,11 +78,12 @@ def test_gaussian_in_strands_equals_reference(shape):
 
 
 @compiled
-def test_strands_in_bands_of_rows_make_no_difference(in_bands):
-    image = texture((61, 150))
-    response, largest = compiled_response.response(image, 31, 'gaussian', 0.04)
+@pytest.mark.parametrize('window_size', [7, 31])
+def test_gaussian_in_blocks_in_bands_of_rows_makes_no_difference(in_bands, window_size):
+    image = texture((61, 350))
+    response, largest = compiled_response.response(image, window_size, 'gaussian', 0.04)
     cv2.setNumThreads(1)
-    whole, _ = compiled_response.response(image, 31, 'gaussian', 0.04)
+    whole, _ = compiled_response.response(image, window_size, 'gaussian', 0.04)
     assert np.array_equal(response, whole)
     assert largest == whole.max()
 

@@ -10,8 +10,8 @@ if not compiler.available():
 
 import numba
 
-from rvc_features.kernels import vectors
-from rvc_features.kernels.vectors import LANES, load, splat, store
+from rvc_features.kernels import instructions, vectors
+from rvc_features.kernels.vectors import LANES, load, load_double, load_half, splat, store
 
 random = np.random.default_rng(0)
 TYPES = [np.uint8, np.int16, np.int32, np.float32, np.float64]
@@ -148,3 +148,23 @@ def test_converted_takes_the_type_of_another(source, target):
     a, out = numbers(source), np.zeros(LANES, target)
     run(a, numbers(target), out)
     assert np.array_equal(out, a.astype(target))
+
+
+def test_every_second_byte_and_four_vectors_in_turn():
+    @numba.njit
+    def part(source, even, odd):
+        store(even, 0, instructions.even_bytes(load_double(source, 0)))
+        store(odd, 0, instructions.odd_bytes(load_double(source, 0)))
+
+    @numba.njit
+    def join(source, out):
+        instructions.store_in_turn(out, 1, load_half(source, 0), load_half(source, 8), load_half(source, 16),
+                                   load_half(source, 24))
+
+    source = np.arange(200, 232).astype(np.uint8)
+    even, odd, out = np.zeros(LANES, np.int16), np.zeros(LANES, np.int16), np.zeros(34, np.float32)
+    part(source, even, odd)
+    assert np.array_equal(np.column_stack((even, odd)).ravel(), source)
+    join(source.astype(np.float32), out)
+    assert np.array_equal(out[1:-1], source.reshape(4, 8).T.ravel())
+    assert out[0] == out[-1] == 0

@@ -3,7 +3,7 @@
     response, two_scales, contrast, maxima, orientation, key_points, drawing: twins of the modules of that name;
     sorting, spread, suppression: of filters; grey: of feature_detector
     smallest_box, large_box: the shortest ways to the response with the box of 3x3, and with larger ones; gaussian: to
-    that with a large Gaussian window, transposition: the way into its strands and out of them
+    that with a Gaussian window
     corners, blocks: the way from there to the strongest corners that leaves most of an image out
     compiler: the decorator, and what all share; rows, resampling, smoothing, vectors, instructions: what kernels
     over whole images are made of

@@ -39,6 +39,57 @@ scaled_evens, scaled_odds = _widened_in_place(True), _widened_in_place(False)
 SCALE = 2.0 ** _BITS   # of what they give
 
 
+def _of_bytes(is_even: bool) -> Any:
+    """An intrinsic: every second of thirty-two bytes, from 0 or from 1 on, as int16."""
+    @intrinsic
+    def widen(typing_context, vector):
+        if vector.dtype != types.uint8:
+            return None
+
+        def emit(context, builder, signature, arguments):
+            wide = context.get_value_type(signature.return_type)
+            pairs = builder.bitcast(arguments[0], wide)
+            if is_even:
+                return builder.and_(pairs, ir.Constant(wide, [255] * LANES))
+            return builder.lshr(pairs, ir.Constant(wide, [8] * LANES))
+        return Vector(types.int16)(vector), emit
+    return widen
+
+
+even_bytes, odd_bytes = _of_bytes(True), _of_bytes(False)
+
+
+@intrinsic
+def element(typing_context, array, index):
+    """array[index] of a contiguous array, where Python, and so Numba, would first see whether the index is negative."""
+    def emit(context, builder, signature, arguments):
+        data = context.make_array(array)(context, builder, arguments[0]).data
+        return builder.load(builder.gep(data, [arguments[1]]))
+    return array.dtype(array, index), emit
+
+
+@intrinsic
+def store_in_turn(typing_context, array, index, a, b, c, d):
+    """a[0], b[0], c[0], d[0], a[1] and so on: 32 numbers of four vectors of eight.
+
+    Said so that no number crosses from one half of a register to the other but where halves are put together; of
+    shuffles of longer vectors LLVM makes twice as many.
+    """
+    def emit(context, builder, signature, arguments):
+        target, first, *rows = arguments
+        low, high = indices([0, 8, 1, 9, 4, 12, 5, 13]), indices([2, 10, 3, 11, 6, 14, 7, 15])
+        for _ in range(2):
+            rows = [builder.shuffle_vector(rows[i], rows[i + 2], lanes) for i in range(2) for lanes in (low, high)]
+        data = context.make_array(array)(context, builder, target).data
+        halves = indices([0, 1, 2, 3, 8, 9, 10, 11]), indices([4, 5, 6, 7, 12, 13, 14, 15])
+        for i, (half, pair) in enumerate((half, pair) for half in halves for pair in (rows[:2], rows[2:])):
+            place = builder.gep(data, [builder.add(first, ir.Constant(first.type, i * HALF))])
+            eight = builder.shuffle_vector(*pair, half)
+            builder.store(eight, builder.bitcast(place, eight.type.as_pointer()), align=4)
+        return context.get_dummy_value()
+    return types.void(array, index, a, b, c, d), emit
+
+
 def _expecting(is_write: bool) -> Any:
     """An intrinsic: fetch the cache line of array[index], which will be used soon; it may lie beyond the end."""
     @intrinsic

@@ -35,7 +35,6 @@ if installed:
         widened,
     )
 
-LEAST_GAUSSIAN_IN_STRANDS = 21   # pixels: smaller windows do not repay what it takes to cut rows into strands
 LARGEST_BOX = 45   # pixels: the largest odd window whose sums of Sobel products fit in 32 bits, w^2 (4 * 255)^2 < 2^31
 
 
@@ -81,9 +80,9 @@ def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k
                 return smallest_box.response(image, np.float32(harris_k), out, first, last)
             return large_box.response(image, int(window_size), np.float32(harris_k), out, first, last)
         return _box_response(image, taps, gradient, product, int(window_size), float(harris_k), out, first, last)
-    if exact and window_size >= LEAST_GAUSSIAN_IN_STRANDS and image.shape[1] >= gaussian.LEAST_WIDTH:
+    if exact and 3 < window_size <= min(LARGEST_BOX, *image.shape) and image.shape[1] >= gaussian.LEAST_WIDTH:
         return gaussian.response(image, _window_taps(window_size), np.float32(harris_k), out, first, last)
-    weights = _gaussian_weights(window_size)
+    weights = _gaussian_weights(window_size)   # for a window of 3, half of what gaussian.py weighs by is zero
     return _gaussian_response(image, taps, gradient, weights, np.float32(harris_k), out, first, last)
 
 

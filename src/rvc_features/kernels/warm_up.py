@@ -41,7 +41,8 @@ def compile_all() -> float:
         grey.grey_of_colour(np.dstack([image] * 3))
         response.response(image, 3, 'box', 0.04)
         response.response(image, 5, 'box', 0.0)
-        response.response(np.tile(image, (1, 2)), 31, 'gaussian', 0.04)
+        for window_size in (3, 31):
+            response.response(image, window_size, 'gaussian', 0.04)
         corners.corners(np.tile(image, (6, 1)), 0.04, 10.0, number=1)
         for window in ('box', 'gaussian'):
             for derivative_sigma in (1.0, 0.0):
