@@ -36,8 +36,9 @@ class _InPieces:
                 continue
             if kind == 'string':
                 value = value.encode()
-            pieces += (_UINT32.pack(len(value)),
-                       value if isinstance(value, bytes) else np.asarray(value, _TYPES[kind]).tobytes())
+            pieces.append(_UINT32.pack(len(value)))
+            if len(value) > 0:   # most optional arrays are empty
+                pieces.append(value if isinstance(value, bytes) else np.asarray(value, _TYPES[kind]).tobytes())
         return [b''.join(pieces)]
 
     def serialize(self, buff: Any) -> None:
@@ -45,8 +46,9 @@ class _InPieces:
 
 
 _UINT32 = struct.Struct('<I')
-_TYPES = {'uint8[]': 'u1', 'int32[]': '<i4', 'uint32[]': '<u4', 'uint64[]': '<u8', 'float32[]': '<f4',
-          'float64[]': '<f8'}
+_TYPES = {kind: np.dtype(name) for kind, name in (
+    ('uint8[]', 'u1'), ('int32[]', '<i4'), ('uint32[]', '<u4'), ('uint64[]', '<u8'), ('float32[]', '<f4'),
+    ('float64[]', '<f8'))}
 
 
 class _KeyPoints(_InPieces, KeyPoints):
@@ -79,8 +81,11 @@ def key_points_message(found: np.ndarray, header: Header, detector: str, shape: 
     covariances : ndarray, shape (N, 2, 2), optional
         Of the positions, as `covariance.covariances` returns them.
     """
+    # All fields next to each other at once, for each by itself is picked out of its records at five times the cost.
+    columns = np.ascontiguousarray(np.ascontiguousarray(found).view(np.float32).reshape(-1, len(key_points.NAMES)).T)
     message = _KeyPoints(header=header, detector=detector, width=shape[1], height=shape[0],
-                        **{name: found[name] for name in key_points.NAMES})
+                        **dict(zip(key_points.NAMES, columns)))
+    message.octave = columns[-1].view(np.int32)
     if calibration is not None:
         message.ray_x, message.ray_y = calibration.rays(_positions(found)).astype(np.float32).T
     if covariances is not None:
