@@ -14,6 +14,7 @@ from rvc_features.response import BORDER
 
 RUN = 64           # pixels of a row that one estimate of the noise is averaged over
 QUIET = 0.2        # share of the runs that are less noisy than what counts as the image's noise
+ROUNDING = 0.3     # grey values: what rounding to whole ones adds to the noise
 SIGMAS = 16, 64    # pixels: widths of the two neighbourhoods whose energies are averaged
 SIDE = 8           # pixels: of the squares that the narrower one is computed on
 FACTORS = tuple(sigma // SIGMAS[0] for sigma in SIGMAS)
@@ -43,11 +44,32 @@ def noise(image: np.ndarray) -> float:
     run = min(RUN, image.shape[1])
     vectors = compiler.available() and run == RUN
     magnitudes = (compiled.noise_of_runs if vectors else reference_noise_of_runs)(image, run)
-    if len(magnitudes) == 0:
-        return 0.0
-    # The mask's weights have the norm 6, and the mean magnitude of a normal variable is sqrt(2 / pi).
+    return _quiet(magnitudes, 6) if len(magnitudes) > 0 else 0.0
+
+
+def _quiet(magnitudes: np.ndarray, norm: float) -> float:
+    """Standard deviation of noise whose mean magnitudes under a mask of that norm are these, of the quiet ones."""
     quiet = int(QUIET * (len(magnitudes) - 1))
-    return float(np.partition(magnitudes, quiet)[quiet] * np.sqrt(np.pi / 2) / 6)
+    # The mean magnitude of a normal variable is sqrt(2 / pi).
+    return float(np.partition(magnitudes, quiet)[quiet] * np.sqrt(np.pi / 2) / norm)
+
+
+def smooth_noise(image: np.ndarray) -> float:
+    """The same of noise whose neighbours are alike, as demosaicing, blur or JPEG leave it: the mask at twice the size.
+
+    The pixels are first averaged with 1 2 1, and the mask answers to noise of a pixel or two. White noise gives what
+    `noise` does; fine texture gives more.
+    """
+    mask = np.convolve([1.0, 0, -2, 0, 1], [0.25, 0.5, 0.25])
+    reach = len(mask) // 2
+    rows = range(reach, image.shape[0] - reach, 8)
+    run = min(RUN, image.shape[1])
+    if len(rows) == 0:
+        return 0.0
+    down = sum(weight * image[rows.start - reach + i:rows.stop - reach + i:8].astype(np.float64)
+               for i, weight in enumerate(mask))
+    magnitude = np.abs(cv2.filter2D(down, -1, mask[np.newaxis], borderType=BORDER))
+    return _quiet(magnitude[:, :image.shape[1] // run * run].reshape(-1, run).mean(axis=1), float(mask @ mask))
 
 
 def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

@@ -257,7 +257,10 @@ class HarrisDetector(FeatureDetector):
         """What the strength of a corner must exceed in any case."""
         if self.strength == 'harris':
             return self.minimum_response
-        return two_scales.least_strength(self.minimum_contrast, search.noise(image, octave), largest)
+        noise = search.noise(image, octave)
+        if two_scales.is_smooth_noise(image, noise, largest):
+            return largest   # which nothing exceeds
+        return two_scales.least_strength(self.minimum_contrast, noise, largest)
 
     def _size(self) -> int:
         """Side in pixels of what is looked at for one point."""

@@ -14,7 +14,6 @@ import numpy as np
 from rvc_features import contrast
 
 MOSTLY_ENOUGH = 0.002   # of the largest response: where the strongest points are sought first
-_ROUNDING = 0.3         # grey values: what rounding to whole ones adds to the noise of a shrunk image
 
 
 class Search:
@@ -37,7 +36,7 @@ class Search:
         """Noise of an octave, in grey values: measured in the first one, for rounding hides it in those that follow."""
         if self._noise is None:
             self._noise = contrast.noise(image) * 2 ** octave
-        return float(np.hypot(self._noise / 2 ** octave, _ROUNDING if octave > 0 else 0.0))
+        return float(np.hypot(self._noise / 2 ** octave, contrast.ROUNDING if octave > 0 else 0.0))
 
     def bounds(self, minimum: float, largest: float, is_a_corner: bool) -> Iterator[float]:
         """What a response must exceed: to be tried one after the other until there are enough corners.

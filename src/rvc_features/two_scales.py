@@ -16,6 +16,7 @@ import functools
 import cv2
 import numpy as np
 
+from rvc_features import contrast
 from rvc_features.kernels import compiler
 from rvc_features.kernels import two_scales as compiled
 from rvc_features.parameters import check
@@ -35,6 +36,8 @@ class Scale:
 FINE = Scale(smoothing=2, wider=0, further=10, saddle=0.3)
 COARSE = Scale(smoothing=2, wider=-2, further=6, saddle=0.5)   # in pixels of the image at half its size
 HALVING = 8   # steps before every second pixel is taken
+# Smoothing across first and second differences: nearly as much as they smooth along, so that directions count alike.
+ACROSS_FIRST, ACROSS_SECOND = np.array([1, 3, 1]) / 5, np.array([1, 4, 1]) / 6
 LEAST_WEIGHT = 0.01   # what weighs less at the ends of a window, or before the saddles, is left out: it costs time
 
 
@@ -114,8 +117,9 @@ def reference_two_scales(image: np.ndarray, window_size: int, window: str) -> np
 def _corner_response(image: np.ndarray, scale: Scale, weights: np.ndarray) -> np.ndarray:
     """R of one scale."""
     image = smoothed(image, binomial(scale.smoothing))
-    gradient_x = cv2.Sobel(image, -1, 1, 0, ksize=3, scale=1 / 8, borderType=BORDER)
-    gradient_y = cv2.Sobel(image, -1, 0, 1, ksize=3, scale=1 / 8, borderType=BORDER)
+    first, second = np.array([-0.5, 0, 0.5]), np.array([1.0, -2, 1])
+    gradient_x = cv2.sepFilter2D(image, -1, first, ACROSS_FIRST, borderType=BORDER)
+    gradient_y = cv2.sepFilter2D(image, -1, ACROSS_FIRST, first, borderType=BORDER)
     a = smoothed(gradient_x * gradient_x, weights)
     b = smoothed(gradient_x * gradient_y, weights)
     c = smoothed(gradient_y * gradient_y, weights)
@@ -123,10 +127,9 @@ def _corner_response(image: np.ndarray, scale: Scale, weights: np.ndarray) -> np
     corner = (a * c - b * b) / np.where(trace > 0, trace, 1)
 
     image = smoothed(image, _normalized(without_tails(binomial(scale.further))))
-    value, first, second = np.ones(1), np.array([-0.5, 0, 0.5]), np.array([1.0, -2, 1])
-    xx = cv2.sepFilter2D(image, -1, second, value, borderType=BORDER)
+    xx = cv2.sepFilter2D(image, -1, second, ACROSS_SECOND, borderType=BORDER)
     xy = cv2.sepFilter2D(image, -1, first, first, borderType=BORDER)
-    yy = cv2.sepFilter2D(image, -1, value, second, borderType=BORDER)
+    yy = cv2.sepFilter2D(image, -1, ACROSS_SECOND, second, borderType=BORDER)
     variance = (scale.smoothing + scale.further) / 4
     return np.maximum(corner + scale.saddle * variance * (xy * xy - xx * yy), 0)
 
@@ -182,6 +185,9 @@ def binomial(steps: int) -> np.ndarray:
 
 CONTRAST = 8.73      # grey values: the step at a right-angled corner whose strength is 1
 NOISE_FACTOR = 0.18  # times the noise: the root of the strength that noise alone hardly ever reaches
+SMOOTH_NOISE_FACTOR = 0.6   # the same where neighbours are alike
+MOST_SMOOTH_NOISE = 4.0     # grey values: with more it is texture
+WHITER = 1.25        # noise that is less than so many times as strong over twice the size is white
 LEAST_OF_ENERGY = 0.05   # of the gradients' energy round a corner, the same
 LEAST_SHARE = 1e-3   # of the largest strength: what is weaker is no corner, as in drawings, which have no noise
 
@@ -199,6 +205,24 @@ def least_strength(minimum_contrast: float, noise: float, largest: float) -> flo
         The largest strength in the image.
     """
     return max(max(minimum_contrast / CONTRAST, NOISE_FACTOR * noise) ** 2, LEAST_SHARE * largest)
+
+
+def is_smooth_noise(image: np.ndarray, noise: float, largest: float) -> bool:
+    """Whether nothing in an image is stronger than its own noise, were that smoothed, makes it.
+
+    Where something is, `least_strength` is all there is to say: fine texture looks like smoothed noise, but for its
+    strongest corners.
+
+    Parameters
+    ----------
+    image : ndarray, uint8 or float32, shape (H, W)
+    noise, largest : float
+        As for `least_strength`.
+    """
+    if largest >= (SMOOTH_NOISE_FACTOR * MOST_SMOOTH_NOISE) ** 2:
+        return False
+    smooth = float(np.hypot(contrast.smooth_noise(image), contrast.ROUNDING if image.dtype == np.uint8 else 0))
+    return smooth > WHITER * noise and largest < (SMOOTH_NOISE_FACTOR * min(smooth, MOST_SMOOTH_NOISE)) ** 2
 
 
 @functools.lru_cache(maxsize=64)

@@ -79,6 +79,54 @@ def test_noise_on_a_flat_image_is_kept_out(octaves, sigma):
     assert len(HarrisDetector(octaves=octaves).detect(image)) <= 5
 
 
+def demosaiced(image):
+    return cv2.cvtColor(cv2.cvtColor(image, cv2.COLOR_BayerBG2BGR), cv2.COLOR_BGR2GRAY)
+
+
+def through_jpeg(image):
+    return cv2.imdecode(cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, 90])[1], cv2.IMREAD_GRAYSCALE)
+
+
+@pytest.mark.parametrize('sigma', [1, 3])
+@pytest.mark.parametrize('smoothing', [demosaiced, through_jpeg, lambda image: through_jpeg(demosaiced(image)),
+                                       lambda image: cv2.GaussianBlur(image, (0, 0), 0.7),
+                                       lambda image: cv2.GaussianBlur(image, (0, 0), 1.5)],
+                         ids=['demosaiced', 'jpeg', 'both', 'slightly blurred', 'blurred'])
+def test_noise_whose_neighbours_are_alike_is_kept_out(smoothing, sigma):
+    """Hundreds to thousands of points before it was looked at over twice the size."""
+    image = np.clip(np.rint(128 + random.normal(0, sigma, (480, 640))), 0, 255).astype(np.uint8)
+    assert len(HarrisDetector().detect(smoothing(image))) <= 5
+
+
+def test_fine_texture_is_not_taken_for_noise():
+    """It looks like smoothed noise, and is stronger; the darker it is the harder to tell."""
+    grass = np.clip(128 + 20 * cv2.GaussianBlur(random.normal(size=(480, 640)), (0, 0), 0.7) / 0.4, 0, 255)
+    for gain in (1, 0.5):
+        image = np.rint(gain * grass).astype(np.uint8)
+        assert len(HarrisDetector(fixed_number_of_points=True).detect(image)) == 500
+
+
+@pytest.mark.parametrize('interpolation', [cv2.INTER_LINEAR, cv2.INTER_CUBIC])
+def test_rotation_finds_points_again_within_a_seventh_of_a_pixel(interpolation):
+    image = warps.reference(warps.generated_photograph())
+    middle = (np.array(image.shape[::-1]) - 1) / 2
+    detector = HarrisDetector(fixed_number_of_points=True)
+    radius = middle.min() - 20
+    first, apart = detector.detect_arrays(image), []
+    first = first[np.hypot(first['x'] - middle[0], first['y'] - middle[1]) < radius]
+    for degrees in range(15, 90, 15):
+        turn = cv2.getRotationMatrix2D(tuple(map(float, middle)), degrees, 1)
+        turned = detector.detect_arrays(cv2.warpAffine(image, turn, image.shape[::-1], flags=interpolation,
+                                                       borderMode=cv2.BORDER_REFLECT_101))
+        back = cv2.invertAffineTransform(turn)
+        positions_back = positions(turned) @ back[:, :2].T + back[:, 2]
+        turned['x'], turned['y'] = positions_back.T
+        apart.append(distances(first, turned))
+    found = np.concatenate(apart) < 1.5
+    assert found.mean() >= 0.96
+    assert np.concatenate(apart)[found].mean() < 0.15
+
+
 def test_corners_of_a_dark_picture_are_found():
     image = draw_polygon([(80, 60), (240, 60), (240, 180), (80, 180)])
     dark = np.rint(2 + (image - 40) / 16 + random.normal(0, 0.7, image.shape)).clip(0, 255).astype(np.uint8)

@@ -119,7 +119,7 @@ def _scaled(taps: Taps, unit: int, wide: np.ndarray, exact: bool) -> tuple[Any, 
     window, further, saddle = taps
     smoothing = 16 * unit   # the sum of [1 2 1]^T [1 2 1]
     radius, far = len(window) - 1, len(further) - 1
-    corner, shape = 1 / (8 * smoothing) ** 2, saddle / (smoothing * _total(further) ** 2) ** 2
+    corner, shape = 1 / (10 * smoothing) ** 2, saddle / (smoothing * _total(further) ** 2) ** 2
     return (window.astype(np.float32), (0,) * _USUAL if exact and radius == _USUAL else None,
             further.astype(wide.dtype), (0,) * far, np.float32(corner), np.float32(shape))
 
@@ -189,12 +189,12 @@ def _radius(weights, known):
 
 @kernel
 def _gradient(rows, above, here, below):
-    """3x3 Sobel gradients of sixteen pixels, in x and in y; unlike `rows.sobel_gradient` in the type of the rows."""
+    """Ten times the gradients of sixteen pixels, in x and in y: differences over two pixels, with 1 3 1 across."""
     falling = load(rows, below + 2) - load(rows, above)
     rising = load(rows, above + 2) - load(rows, below)
     across = load(rows, here + 2) - load(rows, here)
     down = load(rows, below + 1) - load(rows, above + 1)
-    return (falling + rising) + (across + across), (falling - rising) + (down + down)
+    return (falling + rising) + (across + across + across), (falling - rising) + (down + down + down)
 
 
 @kernel
@@ -232,7 +232,8 @@ def _respond(columns, start, weights, known, wide, offsets, corner_unit, saddle_
              width, largest):
     """One row of R or M from the weighted sums down the columns and from three rows of what was smoothed further."""
     stride, radius = columns.shape[2], _radius(weights, known)
-    corner_unit, saddle_unit, sixteenth = splat(corner_unit), splat(saddle_unit), splat(np.float32(1 / 16))
+    corner_unit, saddle_unit = splat(corner_unit), splat(saddle_unit)
+    sixth, sixteenth = splat(np.float32(1 / 6)), splat(np.float32(1 / 16))
     zero, tiny = splat(np.float32(0)), splat(np.float32(1e-30))   # no trace is as small, but where it is 0
     most = load(largest, 0)
     for i in range(0, width, LANES):
@@ -247,12 +248,16 @@ def _respond(columns, start, weights, known, wide, offsets, corner_unit, saddle_
             b += weight * (load(columns, at + stride - j) + load(columns, at + stride + j))
             c += weight * (load(columns, at + 2 * stride - j) + load(columns, at + 2 * stride + j))
         above, here, below = offsets[0] + i, offsets[1] + i, offsets[2] + i
-        middle = load(wide, here)
-        middle += middle
-        xx = to_float32(load(wide, here - 1) + load(wide, here + 1) - middle)
-        yy = to_float32(load(wide, above) + load(wide, below) - middle)
-        falling = load(wide, above - 1) + load(wide, below + 1)
-        xy = to_float32(falling - load(wide, above + 1) - load(wide, below - 1))   # four times
+        middle, up, low = load(wide, here), load(wide, above), load(wide, below)
+        up_left, up_right = load(wide, above - 1), load(wide, above + 1)
+        low_left, low_right = load(wide, below - 1), load(wide, below + 1)
+        # Differences of differences: exactly zero where all rows or columns are the same.
+        along = (load(wide, here - 1) - middle) - (middle - load(wide, here + 1))
+        down = (up - middle) - (middle - low)
+        twice = (((up_left - up) - (up - up_right)) - along) + (((low_left - low) - (low - low_right)) - along)
+        across = sixth * to_float32(twice)   # what 1 4 1 across adds to either
+        xx, yy = to_float32(along) + across, to_float32(down) + across
+        xy = to_float32((up_left - up_right) + (low_right - low_left))   # four times
         value = quotient(a * c - b * b, maximum(a + c, tiny)) * corner_unit
         value = maximum(value + saddle_unit * (xy * xy * sixteenth - xx * yy), zero)
         if coarse is not None:
