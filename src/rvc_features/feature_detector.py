@@ -50,9 +50,7 @@ class FeatureDetector(ABC):
     def detect_arrays(self, image: np.ndarray, mask: np.ndarray | None = None) -> np.ndarray:
         """The same key points as `detect`, as one structured array of `key_points.DTYPE` (no KeyPoint objects)."""
         grey = as_grey(image)
-        found = self.detect_impl(grey, _as_mask(mask, grey.shape))
-        key_points.check(found, grey.shape, self.name)
-        return key_points.strongest(found, len(found))
+        return key_points.checked(self.detect_impl(grey, _as_mask(mask, grey.shape)), grey.shape, self.name)
 
     @abstractmethod
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:

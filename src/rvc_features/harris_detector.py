@@ -13,6 +13,7 @@ from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.octaves import Octave, compete, in_layers, joined, merged, number_for_extractors, pyramid
 from rvc_features.orientation import direction_of_scales, orient_along_gradient
+from rvc_features.oriented_corners import strongest_oriented
 from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
 from rvc_features.search import ResponseMaps, Search
 
@@ -97,6 +98,8 @@ class HarrisDetector(FeatureDetector):
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Corners of every octave, one filter over all of them together, then the direction of those left."""
+        if (points := self._in_one_call(image, mask)) is not None:
+            return points
         _, search = self._chosen_filter()
         octaves = list(pyramid(image, mask, self.octaves))
         filtered_first = not (self.anms or self._octaves_compete())   # by responses: what doesn't pass is not refined
@@ -114,6 +117,16 @@ class HarrisDetector(FeatureDetector):
         if self.octave_layers > 1:
             number_for_extractors(points, self._size(), image.shape)
         return points
+
+    def _in_one_call(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray | None:
+        """The same by one compiled call, where the strongest corners of the sheet are wanted; else None."""
+        if (self.strength != 'harris' or not (self.local_maxima and self.fixed_number_of_points) or self.evenness > 0
+                or self.subpixel or self.anms or max(self.octaves, self.octave_layers) > 1
+                or self.number_of_points > MOST_CORNERS):
+            return None
+        return strongest_oriented(image, self.window_size, self.window, self.harris_k, self.derivative_sigma,
+                                  self.minimum_response, self.border, mask, self.number_of_points,
+                                  self.orientation_sigma)
 
     def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None,
                        search: Search | None = None) -> np.ndarray:

@@ -34,8 +34,8 @@ class KeyPointError(ValueError):
     """What a detector returned can't be the key points of its image; the text says which detector, and why."""
 
 
-def check(found: Any, shape: tuple[int, ...], detector: str) -> None:
-    """Raise a KeyPointError unless these are key points of an image of that shape.
+def checked(found: Any, shape: tuple[int, ...], detector: str) -> np.ndarray:
+    """What a detector found, strongest first; a KeyPointError unless these are key points of an image of that shape.
 
     That is a one-dimensional array of `DTYPE`, every number finite, no size below zero, and every point in the image
     or no further outside than its own size: what draws or sends them, or matches them, can rely on it.
@@ -45,9 +45,12 @@ def check(found: Any, shape: tuple[int, ...], detector: str) -> None:
         raise KeyPointError(f'{wanted} {type(found).__name__}')
     if found.dtype != DTYPE or found.ndim != 1:
         raise KeyPointError(f'{wanted} shape {found.shape} of {cut(str(found.dtype))}')
-    if compiler.available() and compiled.are_sound(found, shape[0], shape[1]):
-        return   # as nearly always: what follows finds the words for what is wrong, and what lies a little outside
+    sound = (compiled.sound_and_strongest_first if compiler.available()
+             else reference_sound_and_strongest_first)(found, shape[0], shape[1])
+    if sound is not None:
+        return sound   # as nearly always: what follows finds the words for what is wrong, or lies a little outside
     _check_numbers(found, shape, detector)
+    return strongest(found, len(found))
 
 
 def _check_numbers(found: np.ndarray, shape: tuple[int, ...], detector: str) -> None:
@@ -70,12 +73,12 @@ def _check_numbers(found: np.ndarray, shape: tuple[int, ...], detector: str) -> 
                                         f'{float(values[outside][0]):g} in an image of {shape[1]} x {shape[0]} pixels')
 
 
-def reference_are_sound(found: np.ndarray, height: int, width: int) -> bool:
-    """Whether the numbers of key points are finite, no size is below zero, and all lie in the image."""
+def reference_sound_and_strongest_first(found: np.ndarray, height: int, width: int) -> np.ndarray | None:
+    """Key points, strongest first, if their numbers are finite, no size is below zero, and all lie in the image."""
     finite = all(np.isfinite(found[name]).all() for name in NAMES[:-1])
     inside = all(((found[name] >= -0.5) & (found[name] <= np.float32(length - 0.5))).all()
                  for name, length in (('x', width), ('y', height)))
-    return bool(finite and inside and (found['size'] >= 0).all())
+    return reference_strongest(found, len(found)) if finite and inside and (found['size'] >= 0).all() else None
 
 
 def of_corners(x: np.ndarray, y: np.ndarray, responses: np.ndarray, size: int, octave: int) -> np.ndarray:

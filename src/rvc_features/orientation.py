@@ -162,7 +162,7 @@ def gaussian_and_slope(sigma: float) -> tuple[int, np.ndarray, np.ndarray]:
         How many pixels they are, an odd number.
     weights, slopes : ndarray, float32, shape (_STEPS + 1, at least side)
         A row for each step from half a pixel left of the middle pixel to half a pixel right of it; from `side` on
-        zeros, to a multiple of 16.
+        zeros, to a multiple of `compiled.COLUMNS`.
     """
     radius = int(np.ceil(3 * sigma))
     side = 2 * radius + 1
@@ -170,7 +170,7 @@ def gaussian_and_slope(sigma: float) -> tuple[int, np.ndarray, np.ndarray]:
     weights = np.exp(-distance ** 2 / (2 * sigma ** 2))
     slopes = distance * weights
     slopes -= weights * (slopes.sum(axis=1) / weights.sum(axis=1))[:, None]
-    beyond = (0, 0), (0, -side % 16)
+    beyond = (0, 0), (0, -side % compiled.COLUMNS)
     return side, np.pad(weights, beyond).astype(np.float32), np.pad(slopes, beyond).astype(np.float32)
 
 

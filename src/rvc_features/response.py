@@ -96,10 +96,15 @@ def corners(image: np.ndarray, window_size: int, window: str, harris_k: float, d
     Those above `minimum`, inside the border and where the mask is not zero; in reading order. Where `number` is given
     those that are not among that many strongest may be missing, else those below `share` of the strongest.
     """
-    if not (window == 'box' and window_size == 3 and derivative_sigma < _LEAST_SIGMA and image.dtype == np.uint8
-            and harris_k >= compiled.LEAST_K_IN_SINGLE_PRECISION and _fits_kernel(image, window_size)):
+    if not needs_no_map(image, window_size, window, harris_k, derivative_sigma):
         return None
     return compiled_corners.corners(image, harris_k, minimum, border, mask, number, share)
+
+
+def needs_no_map(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float) -> bool:
+    """Whether corners of this response are found without a map of it."""
+    return (window == 'box' and window_size == 3 and derivative_sigma < _LEAST_SIGMA and image.dtype == np.uint8
+            and harris_k >= compiled.LEAST_K_IN_SINGLE_PRECISION and _fits_kernel(image, window_size))
 
 
 def reference_response(image: np.ndarray, window_size: int, window: str, harris_k: float,

@@ -358,7 +358,7 @@ def test_key_point_kernels_equal_their_references():
         for responses in (random.exponential(1, 50), random.exponential(1, 50).astype(np.float32)[::-1]):
             found = compiled_key_points.of_corners(x[::-1], y, responses, 5, octave).view(key_points.DTYPE)
             assert np.array_equal(found, key_points.reference_of_corners(x[::-1], y, responses, 5, octave))
-    sound = key_points.reference_of_corners(x, y, np.ones(50), 5, 0)
+    sound = key_points.reference_of_corners(x, y, np.arange(50) % 7, 5, 0)
     for name, value, expected in (('x', 39.5, True), ('x', 39.51, False), ('y', -0.5, True), ('y', -0.6, False),
                                   ('size', 0, True), ('size', -1, False), ('angle', -1, True), ('angle', np.nan, False),
                                   ('x', np.nan, False), ('size', np.inf, False), ('response', -np.inf, False),
@@ -366,9 +366,11 @@ def test_key_point_kernels_equal_their_references():
         points = sound.copy()
         points[name][17] = value
         for some in (points, points[1::2], np.asfortranarray(points)):
-            assert key_points.reference_are_sound(some, 40, 40) == expected
-            assert compiled_key_points.are_sound(some, 40, 40) == expected
-    assert compiled_key_points.are_sound(sound[:0], 40, 40)
+            reference = key_points.reference_sound_and_strongest_first(some, 40, 40)
+            found = compiled_key_points.sound_and_strongest_first(some, 40, 40)
+            assert (reference is not None) == (found is not None) == expected
+            assert not expected or np.array_equal(found, reference)
+    assert len(compiled_key_points.sound_and_strongest_first(sound[:0], 40, 40)) == 0
 
 
 @compiled

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from rvc_features import response
+from rvc_features import key_points, orientation, response
 from rvc_features.detectors import create
 from rvc_features.kernels import compiler
 from rvc_features.maxima import reference_local_maxima
@@ -14,6 +14,7 @@ if not compiler.available():
 
 from rvc_features.kernels import response as kernel
 from rvc_features.kernels.corners import corners
+from rvc_features.kernels.oriented_corners import strongest_oriented
 
 K = 0.04
 SHAPES = [(3, 20), (4, 19), (7, 33), (40, 64), (61, 117), (230, 90)]   # the last one high enough for a guess
@@ -57,6 +58,11 @@ def assert_same(found, expected, case):
     assert all(np.array_equal(a, b) for a, b in zip(found, expected)), case
 
 
+def in_one_call(image, border, mask, number):
+    directions = orientation.gaussian_and_slope(2.5)
+    return strongest_oriented(image, K, 10.0, border, mask, number, 3, *directions).view(key_points.DTYPE)
+
+
 def all_cases():
     random = np.random.default_rng(5)
     for shape in SHAPES:
@@ -73,6 +79,10 @@ def check_all():
         for number in (0, 1, 30, 10 ** 12):
             found = corners(image, K, 10.0, border, mask, number=number)
             assert_same(strongest(found, number), strongest(expected, number), (*case, number))
+        for number in (0, 1, 30):
+            points = key_points.reference_of_corners(*strongest(expected, number), 3, 0)
+            orientation.orient_along_gradient(points, image, 0, 2.5)
+            assert np.array_equal(in_one_call(image, border, mask, number), points), case
         for share in (0.01, 0.5):
             found = corners(image, K, 10.0, border, mask, share=share)
             assert_same(above(found, share), above(expected, share), (*case, share))
@@ -90,6 +100,16 @@ def test_bands_of_rows_make_no_difference(monkeypatch):
         check_all()
     finally:
         cv2.setNumThreads(threads)
+
+
+def test_key_points_in_one_call_have_the_direction_of_the_gradient():
+    image = cv2.GaussianBlur(np.random.default_rng(6).integers(0, 256, (230, 90), np.uint8), (0, 0), 2)
+    found = strongest_oriented(image, K, 10.0, 0, None, 40, 3, *orientation.gaussian_and_slope(2.5))
+    found = found.view(key_points.DTYPE)
+    expected = found.copy()
+    orientation.reference_orient_along_gradient(expected, image, 0, 2.5)
+    off = np.abs(found['angle'] - expected['angle'])
+    assert len(found) == 40 and np.minimum(off, 360 - off).max() < 0.01
 
 
 @pytest.mark.parametrize('k', [0.01, 0.15, 0.24, 0.25])
@@ -113,6 +133,6 @@ def test_a_detector_finds_the_same_with_and_without_a_map(monkeypatch, octaves, 
     detector = create('harris', strength='harris', evenness=0.0, window='box', window_size=3, subpixel=False,
                       octaves=octaves, **chosen)
     found = detector.detect_arrays(image)
-    monkeypatch.setattr(response, 'corners', lambda *arguments: None)
+    monkeypatch.setattr(response, 'needs_no_map', lambda *arguments: False)
     assert len(found) >= 10
     assert np.array_equal(found, detector.detect_arrays(image))

@@ -69,13 +69,18 @@ def in_bands(work: Callable[[int, int], Any], height: int, width: int, cost: int
 
     `cost` is that of a pixel, in multiples of a fast kernel's.
     """
-    most = min(height * width * cost // _LEAST_BAND, height)
-    bands = min(cv2.getNumThreads(), most) if most > 1 else 1
-    if bands <= 1:
+    count = bands(height, width, cost)
+    if count == 1:
         return [work(0, height)]
-    ends = [height * (band + 1) // bands for band in range(bands)]
+    ends = [height * (band + 1) // count for band in range(count)]
     others = [_threads().submit(work, first, last) for first, last in zip(ends, ends[1:])]
     return [work(0, ends[0]), *(other.result() for other in others)]
+
+
+def bands(height: int, width: int, cost: int = 1) -> int:
+    """How many bands that takes: threads that are worth their waking up."""
+    most = min(height * width * cost // _LEAST_BAND, height)
+    return max(min(cv2.getNumThreads(), most), 1) if most > 1 else 1   # asking OpenCV takes a while
 
 
 @functools.lru_cache(maxsize=None)

@@ -25,7 +25,7 @@ from rvc_features.kernels.blocks import (
     steepest_gradients,
     steepest_of_first_pair,
 )
-from rvc_features.kernels.compiler import in_bands, installed, kernel, read_only
+from rvc_features.kernels.compiler import bands, in_bands, installed, kernel, read_only
 from rvc_features.kernels.rows import reflect, row_length, zeros
 from rvc_features.kernels.sorting import replace_least
 
@@ -78,27 +78,61 @@ def corners(image: np.ndarray, harris_k: float, minimum: float, border: int = 0,
         In reading order.
     response : ndarray, float32, shape (N,)
     """
-    image, mask = read_only(image), _NO_MASK if mask is None else read_only(mask)
+    image, *rest = prepared(image, harris_k, minimum, border, mask, number, share)
     height, width = image.shape
-    if number is not None:   # of four pixels only one is a maximum
-        number = min(number, ((height + 1) // 2) * ((width + 1) // 2))
-    k, of_least, least = np.float32(harris_k), np.float32(1 if number is not None else share), np.float32(minimum)
+    if bands(height, width) == 1:
+        return corners_of_image(image, *rest)
+    mask, k, border, least, most, of_least = rest
 
     def above(bound: np.float32) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        found = in_bands(lambda *rows: _corners(image, mask, k, border, bound, number or 0, of_least, *rows), height,
-                         width)
-        return found[0] if len(found) == 1 else tuple(np.concatenate(parts) for parts in zip(*found))
+        found = in_bands(lambda *rows: _corners(image, mask, k, border, bound, most, of_least, *rows), height, width)
+        return tuple(np.concatenate(parts) for parts in zip(*found))
 
-    if height > 4 * _SAMPLE and of_least > 0:
-        # That of half as many more as there should be, for corners gather: most guesses are right then.
-        among = 1 if number is None else 3 * number * _SAMPLE // (2 * height) + 12
-        bound = np.float32(_guess(image, mask, k, border, least, among, of_least))
-        for _ in range(_GUESSES):
-            found = above(bound)
-            if number is None or len(found[0]) >= number:
-                return found
-            bound = max(least, np.float32(bound * (len(found[0]) / number) ** 4 / 4))
-    return above(least)
+    bound, guesses = np.float32(_first_bound(image, *rest)), 1
+    found = above(bound)
+    while len(found[0]) < most and bound > least:
+        bound, guesses = np.float32(_next_bound(bound, len(found[0]), most, least, guesses)), guesses + 1
+        found = above(bound)
+    return found
+
+
+def prepared(image: np.ndarray, harris_k: float, minimum: float, border: int, mask: np.ndarray | None,
+             number: int | None, share: float) -> tuple:
+    """What `corners` is called with, as `corners_of_image` takes it."""
+    height, width = image.shape
+    return (read_only(image), _NO_MASK if mask is None else read_only(mask), np.float32(harris_k), border,
+            np.float32(minimum),
+            # Of four pixels only one is a maximum.
+            0 if number is None else min(number, ((height + 1) // 2) * ((width + 1) // 2)),
+            np.float32(share if number is None else 1))
+
+
+@kernel
+def corners_of_image(image, mask, harris_k, border, least, number, share):
+    """Those of the whole image in one thread; `number` is 0 where `share` tells which are wanted."""
+    bound, guesses = _first_bound(image, mask, harris_k, border, least, number, share), 1
+    found = _corners(image, mask, harris_k, border, bound, number, share, 0, image.shape[0])
+    while len(found[0]) < number and bound > least:
+        bound, guesses = _next_bound(bound, len(found[0]), number, least, guesses), guesses + 1
+        found = _corners(image, mask, harris_k, border, bound, number, share, 0, image.shape[0])
+    return found
+
+
+@kernel
+def _first_bound(image, mask, harris_k, border, least, number, share):
+    """What the weakest wanted corner most likely exceeds."""
+    height = image.shape[0]
+    if height <= 4 * _SAMPLE or share <= 0:
+        return least
+    # That of half as many more as there should be, for corners gather: most guesses are right then.
+    among = 1 if number == 0 else 3 * number * _SAMPLE // (2 * height) + 12
+    return _guess(image, mask, harris_k, border, least, among, share)
+
+
+@kernel
+def _next_bound(bound, found, number, least, guesses):
+    """The same where so few corners exceed that bound."""
+    return least if guesses == _GUESSES else max(least, np.float32(bound * (found / number) ** 4 / 4))
 
 
 @kernel

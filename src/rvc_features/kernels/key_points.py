@@ -13,11 +13,11 @@ NUMBERS = 6   # of a key point: x, y, size, angle, response, and the bits of the
 def of_corners(x: np.ndarray, y: np.ndarray, responses: np.ndarray, size: int, octave: int) -> np.ndarray:
     """Key points of an octave's corners, one after the other; reference: `key_points.reference_of_corners`."""
     x, y = (np.ascontiguousarray(values, np.int64) for values in (x, y))
-    return _of_corners(x, y, np.ascontiguousarray(responses, np.float32), size, octave)
+    return numbers_of_corners(x, y, np.ascontiguousarray(responses, np.float32), size, octave)
 
 
 @kernel
-def _of_corners(x, y, responses, size, octave):
+def numbers_of_corners(x, y, responses, size, octave):
     numbers = np.empty(NUMBERS * len(x), np.float32)
     octaves = numbers.view(np.int32)
     size = np.float32(size << octave)
@@ -31,11 +31,11 @@ def _of_corners(x, y, responses, size, octave):
 
 def strongest(key_points: np.ndarray, count: int) -> np.ndarray:
     """The strongest of key points, strongest first; reference: `key_points.reference_strongest`."""
-    return _strongest(read_only(key_points).view(np.float32), min(count, len(key_points))).view(key_points.dtype)
+    return strongest_numbers(read_only(key_points).view(np.float32), min(count, len(key_points))).view(key_points.dtype)
 
 
 @kernel
-def _strongest(numbers, count):
+def strongest_numbers(numbers, count):
     responses = np.empty(len(numbers) // NUMBERS, np.float32)
     for i in range(len(responses)):
         responses[i] = numbers[NUMBERS * i + 4] + np.float32(0)   # -0.0 becomes 0.0
@@ -47,9 +47,16 @@ def _strongest(numbers, count):
     return chosen
 
 
-def are_sound(key_points: np.ndarray, height: int, width: int) -> bool:
-    """Whether key points have finite numbers and all lie in the image; reference: `key_points.reference_are_sound`."""
-    return bool(_are_sound(read_only(key_points).view(np.float32), height, width))
+def sound_and_strongest_first(key_points: np.ndarray, height: int, width: int) -> np.ndarray | None:
+    """Key points, strongest first; reference: `key_points.reference_sound_and_strongest_first`."""
+    is_sound, ordered = _sound_and_strongest_first(read_only(key_points).view(np.float32), height, width)
+    return ordered.view(key_points.dtype) if is_sound else None
+
+
+@kernel
+def _sound_and_strongest_first(numbers, height, width):
+    is_sound = _are_sound(numbers, height, width)
+    return is_sound, strongest_numbers(numbers, len(numbers) // NUMBERS if is_sound else 0)
 
 
 @kernel

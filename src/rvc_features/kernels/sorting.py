@@ -32,8 +32,8 @@ def order_of_bits(bits, count):
         falls += i > 0 and bits[i] < bits[i - 1]
     if falls == 0:
         return np.arange(count)
-    if count == size:
-        return order_of_keys(bits)
+    if size <= 2 * count:   # to sort them all is no more than to look for those
+        return order_of_keys(bits)[:count]
     candidates = _among_the_least(bits, count)
     return candidates[order_of_keys(bits[candidates])[:count]]
 

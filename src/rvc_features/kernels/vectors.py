@@ -286,7 +286,7 @@ def square_root(typing_context, vector):
 def sum_of(typing_context, vector):
     """Sum of the numbers of a vector of floats."""
     def emit(context, builder, signature, arguments):
-        value, lanes = arguments[0], LANES
+        value, lanes = arguments[0], vector.lanes
         while lanes > 1:   # the lower half and the upper half
             lanes //= 2
             halves = [indices(range(first, first + lanes)) for first in (0, lanes)]

@@ -20,6 +20,7 @@ from rvc_features.kernels import (
     key_points,
     maxima,
     orientation,
+    oriented_corners,
     response,
     sorting,
     spread,
@@ -56,14 +57,15 @@ def compile_all() -> float:
         contrast.energy_at(energy, *image.shape, 8, (1, 4), np.ones(9, np.float32), np.ones(1), np.ones(1))
         contrast.bilinear(np.ones((2, 2), np.float32), np.ones(1, np.float32), np.ones(1, np.float32))
         x, y = maxima.refine(values, *maxima.local_maxima(values, 10.0))
-        table = np.ones((2, 16), np.float32)
+        table = np.ones((2, orientation.COLUMNS), np.float32)
         orientation.directions(*orientation.smoothed_gradients(image, x, y, 11, table, table))
         orientation.products_of_cells(image, 8)
         points, responses = np.column_stack((x, y)), np.ones(len(x))
         found = key_points.of_corners(x, y, responses, 3, 0).view([('numbers', np.float32, 6)])
         found = key_points.strongest(found, len(found))
         orientation.orient_along_gradient(found, image, 0, 11, table, table)
-        key_points.are_sound(found, 40, 40)
+        key_points.sound_and_strongest_first(found, 40, 40)
+        oriented_corners.strongest_oriented(np.tile(image, (6, 1)), 0.04, 10.0, 0, None, 1, 3, 11, table, table)
         sorting.strongest_first(responses)
         sorting.strongest_first(responses.astype(np.float32))
         ring = x.astype(np.int64), y.astype(np.int64)
