@@ -109,7 +109,8 @@ def test_key_points_in_one_call_have_the_direction_of_the_gradient():
     expected = found.copy()
     orientation.reference_orient_along_gradient(expected, image, 0, 2.5)
     off = np.abs(found['angle'] - expected['angle'])
-    assert len(found) == 40 and np.minimum(off, 360 - off).max() < 0.01
+    assert len(found) == 40
+    assert np.minimum(off, 360 - off).max() < 0.01
 
 
 @pytest.mark.parametrize('k', [0.01, 0.15, 0.24, 0.25])

@@ -110,11 +110,12 @@ def prepared(image: np.ndarray, harris_k: float, minimum: float, border: int, ma
 @kernel
 def corners_of_image(image, mask, harris_k, border, least, number, share):
     """Those of the whole image in one thread; `number` is 0 where `share` tells which are wanted."""
+    first, last = np.int64(0), image.shape[0]   # as types what bands have: a 0 would be compiled for apart
     bound, guesses = _first_bound(image, mask, harris_k, border, least, number, share), 1
-    found = _corners(image, mask, harris_k, border, bound, number, share, 0, image.shape[0])
+    found = _corners(image, mask, harris_k, border, bound, number, share, first, last)
     while len(found[0]) < number and bound > least:
         bound, guesses = _next_bound(bound, len(found[0]), number, least, guesses), guesses + 1
-        found = _corners(image, mask, harris_k, border, bound, number, share, 0, image.shape[0])
+        found = _corners(image, mask, harris_k, border, bound, number, share, first, last)
     return found
 
 

@@ -43,7 +43,8 @@ def _of_image(image, mask, harris_k, border, minimum, number, share, size, direc
 
 @kernel
 def _of_corners(image, x, y, responses, number, size, directions):
-    numbers = strongest_numbers(numbers_of_corners(x, y, responses, size, 0), min(number, len(x)))
+    octave = np.int64(0)   # for its type: a 0 would be compiled for apart
+    numbers = strongest_numbers(numbers_of_corners(x, y, responses, size, octave), min(number, len(x)))
     side, weights, slopes = directions
-    orient_numbers(numbers, image, 0, side, weights, slopes)
+    orient_numbers(numbers, image, octave, side, weights, slopes)
     return numbers
