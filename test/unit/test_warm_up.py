@@ -18,13 +18,12 @@ if not compiler.available():
 
 WORK = '''
     import itertools, sys
-    import cv2
     import numpy as np
     from rvc_features import presets
     from rvc_features.drawing import draw_key_points
     from rvc_features.feature_detector import as_grey
     from rvc_features.harris_detector import HarrisDetector
-    from rvc_features.kernels import compiler, warm_up
+    from rvc_features.kernels import warm_up
 
     warm_up.compile_all()
 
@@ -42,10 +41,7 @@ WORK = '''
                'evenness': (0.0, 0.5), 'anms': (False, True), 'fixed_number_of_points': (False, True)}
     settings = [presets.values(name) for name in presets.names()] + [{'octaves': 3}, {'subpixel': False}]
     settings += [dict(zip(options, values)) for values in itertools.product(*options.values())]
-    cv2.setNumThreads(3)
-    settings = [(values, compiler._LEAST_BAND) for values in settings]
-    settings.append(({**presets.values('course', 5), 'window_size': 3}, 1))   # several bands of rows
-    for values, compiler._LEAST_BAND in settings:
+    for values in settings:
         detector = HarrisDetector(**values)
         for image in images:
             grey = as_grey(image)
