@@ -26,13 +26,16 @@ _NEAR, _NEXT, _FAR = np.float32(39 / 64), np.float32(-9 / 64), np.float32(2 / 64
 
 
 @kernel
-def halve(image, column_weights, row_weights, known, scale, half, first, last):
+def halve(image, column_weights, row_weights, known, scale, base, half, first, last):
     """Rows of the smoothed image at half its size: the weighted sum down the columns, then of every second pixel.
 
-    Weights begin at the centre; `known` is a tuple of as many as follow, for its length tells the compiler.
+    Weights begin at the centre; `known` is a tuple of as many as follow, for its length tells the compiler. `base`
+    is a grey value that is subtracted.
     """
     height, width = image.shape
     half_width, radius = half.shape[1], len(known)
+    total = row_weights.sum() + row_weights[1:].sum()
+    base_sum = row_weights.dtype.type(np.rint(base * total * total))   # whole, so that sums of whole numbers stay so
     lead = row_lead(radius)
     length = row_length(width, lead) + 2 * LANES
     column = zeros(length, column_weights)
@@ -63,7 +66,7 @@ def halve(image, column_weights, row_weights, known, scale, half, first, last):
                 along += splat(row_weights[j]) * (load(even, middle - j // 2) + load(even, middle + j // 2))
             for j in range(1, radius + 1, 2):
                 along += splat(row_weights[j]) * (load(odd, middle - (j + 1) // 2) + load(odd, middle + j // 2))
-            store(half, y * half_width + i, converted(along * splat(scale), half))
+            store(half, y * half_width + i, (along - splat(base_sum)) * splat(scale))
 
 
 @kernel
