@@ -52,11 +52,6 @@ def kernel(function: Callable[..., Any]) -> Any:
     return cache.njit(function, nogil=True, error_model='numpy')
 
 
-def inlined(function: Callable[..., Any]) -> Any:
-    """`kernel` for what becomes part of the kernels that call it: a call takes as long as some hundred numbers."""
-    return function if _reason_against else numba.njit(function, inline='always')
-
-
 def read_only(image: np.ndarray) -> np.ndarray:
     """A contiguous read-only view or copy: one type for Numba, which would compile again for each kind of array."""
     view = np.ascontiguousarray(image).view()

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from rvc_features.kernels.compiler import inlined, installed, kernel
+from rvc_features.kernels.compiler import installed, kernel
 from rvc_features.kernels.rows import reflect, zeros
 
 if installed:
@@ -98,7 +98,7 @@ def _response(image, weights, further, harris_k, scale, out, first, last):
     return largest.max()
 
 
-@inlined
+@kernel
 def _read_rows(image, first, last, x, count, lines):
     """`count` pixels of each row from x on, and as many on either side as gradients and vectors reach for."""
     height, width = image.shape
@@ -117,7 +117,7 @@ def _read_rows(image, first, last, x, count, lines):
                         lines[to + j] = image[row, reflect(x + j, width)]
 
 
-@inlined
+@kernel
 def _multiply(lines, above, count, products):
     """Products of the gradients of the four rows after that one: I_x^2, I_x I_y, I_y^2, times `SCALE` squared."""
     for x in range(0, count, _PIXELS):
@@ -139,7 +139,7 @@ def _multiply(lines, above, count, products):
             even_sum_0, odd_sum_0, even_sum_1, odd_sum_1 = even_sum_1, odd_sum_1, even_sum_2, odd_sum_2
 
 
-@inlined
+@kernel
 def _along_the_row(lines, at):
     """Differences -1 0 1 of the even pixels of 32 and of the odd ones, and sums 1 2 1 of both."""
     here, before, after = load_double(lines, at), load_double(lines, at - 2), load_double(lines, at + 2)
@@ -148,14 +148,14 @@ def _along_the_row(lines, at):
     return odd - odd_before, even_after - even, (odd_before + even) + pair, pair + (odd + even_after)
 
 
-@inlined
+@kernel
 def _store_products(x_gradient, y_gradient, products, to):
     store(products, to, x_gradient * x_gradient)
     store(products, to + _CHANNEL, x_gradient * y_gradient)
     store(products, to + 2 * _CHANNEL, y_gradient * y_gradient)
 
 
-@inlined
+@kernel
 def _change_signs(products, x, count, width):
     """Outside the image, products are those of the mirror image, but the gradient in x is not: I_x I_y changes sign."""
     for first, last in ((0, -x), (width - x, count)):
@@ -164,7 +164,7 @@ def _change_signs(products, x, count, width):
                 products[at] = -products[at]
 
 
-@inlined
+@kernel
 def _weigh_along(products, weights, further, size, sums, to):
     """Weighted sums along four rows, of three kinds of products; `to` is where those of the first row go."""
     lead = len(weights) // 4
@@ -193,7 +193,7 @@ def _weigh_along(products, weights, further, size, sums, to):
         to += _BLOCK
 
 
-@inlined
+@kernel
 def _weigh_down(sums, places, first, weights, further, out):
     """The same down the columns, for four rows of a block; `first` is the place of the first row that is weighed."""
     middle = first + len(weights) - 4
@@ -222,7 +222,7 @@ def _weigh_down(sums, places, first, weights, further, out):
             store(out, 3 * _BLOCK * row + i, total[row])
 
 
-@inlined
+@kernel
 def _first_sums(x, one, two, three):
     """Of ten neighbours: sums of seven round each of the four in the middle, with these weights one to three away."""
     return (x[3] + one * (x[2] + x[4]) + two * (x[1] + x[5]) + three * (x[0] + x[6]),
@@ -231,7 +231,7 @@ def _first_sums(x, one, two, three):
             x[6] + one * (x[5] + x[7]) + two * (x[4] + x[8]) + three * (x[3] + x[9]))
 
 
-@inlined
+@kernel
 def _further_sums(sums, low, high, weights, j):
     """These sums with four weights more, from j on, of the seven neighbours from j + 3 before and from j after."""
     zero, one = splat_half(element(weights, j)), splat_half(element(weights, j + 1))
@@ -246,7 +246,7 @@ def _further_sums(sums, low, high, weights, j):
             + three * (low[3] + high[6]))
 
 
-@inlined
+@kernel
 def _respond(sums, size, harris_k, scale, out, y, count, start, largest):
     """`count` rows of the response in a block of columns."""
     width = out.shape[1]
@@ -265,7 +265,7 @@ def _respond(sums, size, harris_k, scale, out, y, count, start, largest):
     store(largest, 0, most)
 
 
-@inlined
+@kernel
 def _harris(sums, at, harris_k, scale):
     a, b, c = load_half(sums, at), load_half(sums, at + _BLOCK), load_half(sums, at + 2 * _BLOCK)
     trace = a + c
