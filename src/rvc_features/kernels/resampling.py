@@ -34,8 +34,8 @@ def halve(image, column_weights, row_weights, known, scale, base, half, first, l
     """
     height, width = image.shape
     half_width, radius = half.shape[1], len(known)
-    total = row_weights.sum() + row_weights[1:].sum()
-    base_sum = row_weights.dtype.type(np.rint(base * total * total))   # whole, so that sums of whole numbers stay so
+    whole = row_weights.sum() + row_weights[1:].sum()
+    base_sum = row_weights.dtype.type(np.rint(base * whole * whole))   # whole, so that sums of whole numbers stay so
     lead = row_lead(radius)
     length = row_length(width, lead) + 2 * LANES
     column = zeros(length, column_weights)
