@@ -52,27 +52,6 @@ def in_layers(corners: np.ndarray, layers: int) -> np.ndarray:
     return repeated
 
 
-def number_for_extractors(points: np.ndarray, size: int, shape: tuple[int, ...]) -> None:
-    """Number octaves and layers so that what reads the number as a scale describes points near their own.
-
-    OpenCV's ORB describes a point of octave o in a level 1.2^o times smaller, whatever its size, and SIFT in one 2^o
-    times smaller, which must have a pixel. A layer has the number of ORB's step nearest to it, and octaves are two
-    apart: further apart is nearer to ORB's steps, and too coarse for SIFT.
-
-    Parameters
-    ----------
-    points : ndarray of key_points.DTYPE
-        With the octaves of the pyramid, which are changed.
-    size : int
-        That of the points of octave 0 and layer 0.
-    shape : tuple of int
-        Of the image.
-    """
-    layer = np.log2(points['size'] / size) - points['octave']
-    number = 2 * points['octave'] + np.rint(layer / np.log2(1.2)).astype(np.int32)
-    points['octave'] = np.minimum(number, int(np.log2(min(shape[:2]))))
-
-
 def compete(responses: np.ndarray, pixels: int) -> np.ndarray:
     """Responses of an octave as multiples of the one that one pixel in a thousand exceeds.
 
