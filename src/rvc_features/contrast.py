@@ -69,7 +69,7 @@ def smooth_noise(image: np.ndarray) -> float:
     down = sum(weight * image[rows.start - reach + i:rows.stop - reach + i:8].astype(np.float64)
                for i, weight in enumerate(mask))
     magnitude = np.abs(cv2.filter2D(down, -1, mask[np.newaxis], borderType=BORDER))
-    return _quiet(magnitude[:, :image.shape[1] // run * run].reshape(-1, run).mean(axis=1), float(mask @ mask))
+    return _quiet(_means_of_runs(magnitude, run), float(mask @ mask))
 
 
 def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
@@ -141,7 +141,12 @@ def reference_noise_of_runs(image: np.ndarray, run: int) -> np.ndarray:
     """Mean magnitude of the noise mask's response over runs of pixels of every eighth row, float64."""
     mask = np.array([1.0, -2, 1])
     magnitude = np.abs(cv2.sepFilter2D(image.astype(np.float64), -1, mask, mask, borderType=BORDER))[2:-2:8]
-    return magnitude[:, :image.shape[1] // run * run].reshape(-1, run).mean(axis=1)
+    return _means_of_runs(magnitude, run)
+
+
+def _means_of_runs(magnitude: np.ndarray, run: int) -> np.ndarray:
+    """Means over runs of pixels of each row, one after the other; what is left at the end of a row does not count."""
+    return magnitude[:, :magnitude.shape[1] // run * run].reshape(-1, run).mean(axis=1)
 
 
 def reference_bilinear(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
