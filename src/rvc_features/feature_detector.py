@@ -59,6 +59,10 @@ class FeatureDetector(ABC):
         `mask` is None or uint8 of the image's shape: 255, or 0 where no key point may lie.
         """
 
+    def pyramid_levels(self, points: np.ndarray) -> np.ndarray:
+        """Which halving of the image each of its points was found in, int32 (N,); for detectors with a response map."""
+        return points['octave']
+
     def response_map(self, image: np.ndarray) -> np.ndarray | None:
         """Strength of every pixel, float32 (H, W), for detectors that compute one; else None."""
         return None

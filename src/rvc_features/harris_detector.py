@@ -11,7 +11,7 @@ import numpy as np
 from rvc_features import contrast, filters, key_points, maxima, response, two_scales
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
-from rvc_features.octaves import Octave, compete, in_layers, joined, merged, pyramid
+from rvc_features.octaves import Octave, compete, in_layers, joined, merged, number_for_extractors, pyramid
 from rvc_features.orientation import direction_of_scales, orient_along_gradient
 from rvc_features.oriented_corners import strongest_oriented
 from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
@@ -31,7 +31,8 @@ class HarrisDetector(FeatureDetector):
     above `threshold` times the largest one.
 
     `KeyPoint.pt` and `.size` are in pixels of the full image whatever the octave; `.size` is the side of the window,
-    `.response` is what points are ranked by, `.octave` counts from 0.
+    `.response` is what points are ranked by, `.octave` counts from 0; with `octave_layers` it tells octave and layer as
+    ORB and SIFT read it (`octaves.number_for_extractors`).
 
     Its parameters are the fields below; range and meaning stand with each, and `parameters.specifications` lists them.
 
@@ -113,6 +114,8 @@ class HarrisDetector(FeatureDetector):
         if not (filtered_first and points is corners[0]):
             points = self.filter(points)
         self.orient(points, octaves)
+        if self.octave_layers > 1:
+            number_for_extractors(points, self._size(), image.shape)
         return points
 
     def _in_one_call(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray | None:
@@ -221,6 +224,12 @@ class HarrisDetector(FeatureDetector):
                 x, y = (points[name][here] / (1 << octave) for name in 'xy')
                 points['angle'][here] = direction_of_scales(image, x, y, self.orientation_sigma, self.shape_adaptation)
 
+    def pyramid_levels(self, points: np.ndarray) -> np.ndarray:
+        """The octave of each point, from its size where `octave` tells the layer, too."""
+        if self.octave_layers == 1:
+            return points['octave']
+        return np.floor(np.log2(points['size'] / self._size()) + _LEAST_LAYER / 2).astype(np.int32)
+
     def response_map(self, image: np.ndarray) -> np.ndarray:
         """Strength of every pixel of the full image."""
         grey = as_grey(image)
@@ -299,6 +308,7 @@ class HarrisDetector(FeatureDetector):
 
 
 MOST_CORNERS = 250_000   # more than any use needs, and what takes half a second: the filter gets the strongest of more
+_LEAST_LAYER = 1 / 8     # octaves between two layers
 _LEAST_ENERGY = 1e-12    # squared grey values per pixel: not to divide by zero
 
 _maps = ResponseMaps()

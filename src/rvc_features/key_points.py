@@ -22,7 +22,7 @@ DTYPE = np.dtype([
     ('size', np.float32),       # diameter of the neighbourhood that was looked at, in pixels of the full image
     ('angle', np.float32),      # degrees in [0, 360), clockwise from +x as the image is seen; -1: not computed
     ('response', np.float32),   # strength, in the units of the detector
-    ('octave', np.int32),       # level of the pyramid; 0 is the full image
+    ('octave', np.int32),       # level of the pyramid; 0 is the full image; what descriptors take for a scale
 ])
 
 NAMES = ('x', 'y', 'size', 'angle', 'response', 'octave')   # in the order of cv2.KeyPoint's arguments

@@ -12,6 +12,9 @@ from rvc_features import key_points
 SMALLEST = 8           # pixels: no octave gets smaller than this to either side
 MERGE_DISTANCE = 2.5   # pixels of the coarser octave: corners nearer than this are one
 ONLY_COARSE = 0.05     # weight of corners that no finer octave shows: more of them cost on zoom what the others gain
+# SIFT's calcSIFTDescriptor reserved (2 r + 1)^2 numbers for 128: too few unless it looks r = 6 pixels far, for which
+# in pixels of its level the point needs this size, and the level such sides.
+_LEAST_DESCRIBED, _LEAST_SIDE = 1.04, 5
 _LEAST_COMMON = 5      # corners that two octaves must have in common to be compared by them
 
 
@@ -50,6 +53,29 @@ def in_layers(corners: np.ndarray, layers: int) -> np.ndarray:
     repeated = corners.repeat(layers)
     repeated['size'] *= np.tile(2 ** (np.arange(layers) / layers), len(corners)).astype(np.float32)
     return repeated
+
+
+def number_for_extractors(points: np.ndarray, size: int, shape: tuple[int, ...]) -> None:
+    """Number octaves and layers so that what reads the number as a scale describes points near their own.
+
+    OpenCV's ORB describes a point of octave o in a level 1.2^o times smaller, whatever its size, and SIFT what the size
+    says, in a level 2^o times smaller. A layer has the number of ORB's step nearest to it, and octaves are two apart:
+    further apart is nearer to ORB's steps, and too coarse for SIFT. What SIFT of OpenCV before 4.6 could not describe
+    without writing beyond its memory gets a lower number.
+
+    Parameters
+    ----------
+    points : ndarray of key_points.DTYPE
+        With the octaves of the pyramid, which are changed.
+    size : int
+        That of the points of octave 0 and layer 0.
+    shape : tuple of int
+        Of the image.
+    """
+    layer = np.log2(points['size'] / size) - points['octave']
+    number = 2 * points['octave'] + np.rint(layer / np.log2(1.2))
+    most = np.minimum(np.log2(points['size'] / _LEAST_DESCRIBED), np.log2(min(shape[:2]) / _LEAST_SIDE))
+    points['octave'] = np.minimum(number, np.floor(most)).clip(0)
 
 
 def compete(responses: np.ndarray, pixels: int) -> np.ndarray:

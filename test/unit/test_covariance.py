@@ -68,6 +68,15 @@ def test_the_noise_is_estimated_where_it_is_not_given():
     assert np.median(ratio) == pytest.approx(1, rel=0.3)
 
 
+def test_a_layer_is_as_certain_as_its_corner():
+    image = texture((200, 260), smoothing=1.5)
+    detector = detectors.create('harris', octaves=2, octave_layers=2, merge_octaves=False)
+    found = detector.detect_arrays(image)
+    once, again = (covariances(image, found[layer::2], detector) for layer in range(2))
+    assert set(detector.pyramid_levels(found)) == {0, 1}
+    np.testing.assert_array_equal(again, once)
+
+
 def test_no_points_have_no_covariances():
     assert covariances(texture((60, 80)), np.zeros(0, DTYPE), HARRIS).shape == (0, 2, 2)
 

@@ -5,9 +5,10 @@ import numpy as np
 import pytest
 from conftest import draw_polygon, positions, texture
 
-from rvc_features import parameters, presets
+from rvc_features import key_points, parameters, presets
 from rvc_features.comparison import warps
 from rvc_features.harris_detector import HarrisDetector
+from rvc_features.octaves import number_for_extractors
 
 random = np.random.default_rng(0)
 
@@ -205,13 +206,39 @@ def test_layers_are_each_corner_again_at_sizes_up_to_the_next_octave():
     corners = HarrisDetector(**apart, number_of_points=40).detect_arrays(image)
     points = HarrisDetector(**apart, octave_layers=2, number_of_points=79).detect_arrays(image)
     once, again = points[::2], points[1::2]
-    assert once.tolist() == corners.tolist()
     np.testing.assert_allclose(again['size'], corners['size'][:-1] * 2 ** 0.5, rtol=1e-6)
-    for name in ('x', 'y', 'angle', 'response', 'octave'):
+    for name in ('x', 'y', 'angle', 'response'):
+        assert once[name].tolist() == corners[name].tolist()
         assert again[name].tolist() == corners[name][:-1].tolist()
+    assert once['size'].tolist() == corners['size'].tolist()
+    assert set(corners['octave']) == {0, 1}
+    assert once['octave'].tolist() == (2 * corners['octave']).tolist()   # sqrt(2) is nearly two of ORB's steps of 1.2
+    assert again['octave'].tolist() == (2 * corners['octave'][:-1] + 2).tolist()
     spread = HarrisDetector(octave_layers=3, anms=True, anms_points=60).detect_arrays(image)
     assert len(spread) == 60
     assert len(set(zip(spread['x'], spread['y']))) == 20
+
+
+@pytest.mark.parametrize('extractor', [cv2.ORB_create(), cv2.SIFT_create()], ids=['orb', 'sift'])
+@pytest.mark.parametrize('side', [40, 90, 300])
+def test_extractors_describe_the_points_of_matching_in_images_of_any_size(extractor, side):
+    image = texture((side, side + 20), smoothing=2.0)
+    found = presets.create('matching', number_of_points=200, border=2).detect(image)
+    assert {point.octave for point in found} >= ({0, 2, 4} if side > 80 else {0, 2, 3})
+    described, descriptors = extractor.compute(image, found)
+    assert descriptors is None or len(descriptors) == len(described)
+
+
+def test_octaves_of_layers_leave_sift_the_pixels_that_it_needs():
+    shape = (100, 130)
+    points = key_points.empty(12)
+    points['octave'] = np.repeat(np.arange(6), 2)
+    for size in (5, 9):
+        numbered = points.copy()
+        numbered['size'] = size * 2 ** (np.arange(12) / 2)
+        number_for_extractors(numbered, size, shape)
+        expected = [0, 2, 2, 3, 4, 4, 4, 4, 4, 4, 4, 4] if size == 5 else [0, 2, 2, 4, 4, 4, 4, 4, 4, 4, 4, 4]
+        assert numbered['octave'].tolist() == expected   # size / 2^octave of at least 1.04, and a level of six rows
 
 
 @pytest.mark.parametrize('name', presets.names())

@@ -41,7 +41,7 @@ def covariances(image: np.ndarray, found: np.ndarray, detector: FeatureDetector,
     ----------
     image : ndarray, uint8, shape (H, W) or (H, W, 3)
         Where the points were found.
-    found : structured array with x, y and octave, such as `detector.detect_arrays` returns
+    found : structured array of key points, such as `detector.detect_arrays` returns
     detector : FeatureDetector
         What found them; it must have a response map.
     noise : float, optional
@@ -63,9 +63,10 @@ def covariances(image: np.ndarray, found: np.ndarray, detector: FeatureDetector,
         raise ValueError(f'noise must be a number of at least 0, in grey values; got {noise}')
     noise = max(contrast.noise(grey) if noise is None else float(noise), LEAST_NOISE)
     moved = np.zeros((len(found), SAMPLES, 2))
-    levels = int(found['octave'].max()) + 1 if len(found) else 0
-    here = [np.flatnonzero(found['octave'] == octave) for octave in range(levels)]
-    size = 2.0 ** found['octave'].astype(np.float64)
+    octaves = detector.pyramid_levels(found)
+    levels = int(octaves.max()) + 1 if len(found) else 0
+    here = [np.flatnonzero(octaves == octave) for octave in range(levels)]
+    size = 2.0 ** octaves.astype(np.float64)
     positions = np.column_stack((found['x'], found['y'])) / size[:, None]
     for sample in range(SAMPLES if levels else 0):
         for octave, level in enumerate(pyramid(_with_noise(grey, noise, sample), None, levels)):
