@@ -163,7 +163,8 @@ class HarrisDetector(FeatureDetector):
         """
         if self.evenness > 0 and len(x) > 0:
             energy = np.maximum(contrast.local_energy(image, x, y), _LEAST_ENERGY)
-            is_none = strength < two_scales.LEAST_OF_ENERGY * energy if self.strength == 'two_scales' else False
+            least = two_scales.LEAST_OF_ENERGY_SPREAD if self.anms else two_scales.LEAST_OF_ENERGY
+            is_none = strength < least * energy if self.strength == 'two_scales' else False
             strength = np.where(is_none, 0, strength / energy ** self.evenness)
         return compete(strength, image.size) if self._octaves_compete() else strength
 

@@ -188,7 +188,8 @@ NOISE_FACTOR = 0.18  # times the noise: the root of the strength that noise alon
 SMOOTH_NOISE_FACTOR = 0.6   # the same where neighbours are alike
 MOST_SMOOTH_NOISE = 4.0     # grey values: with more it is texture
 WHITER = 1.25        # noise that is less than so many times as strong over twice the size is white
-LEAST_OF_ENERGY = 0.05   # of the gradients' energy round a corner, the same
+LEAST_OF_ENERGY = 0.05   # of the gradients' energy round a corner: steps of slanted edges are weaker
+LEAST_OF_ENERGY_SPREAD = 0.025   # the same for ANMS, which else has no points for places without strong ones
 LEAST_SHARE = 1e-3   # of the largest strength: what is weaker is no corner, as in drawings, which have no noise
 
 

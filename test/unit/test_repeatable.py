@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from conftest import draw_polygon, positions, texture
 
-from rvc_features import key_points, parameters, presets
+from rvc_features import contrast, key_points, parameters, presets
 from rvc_features.comparison import warps
 from rvc_features.harris_detector import HarrisDetector
 from rvc_features.octaves import number_for_extractors
@@ -217,6 +217,19 @@ def test_layers_are_each_corner_again_at_sizes_up_to_the_next_octave():
     spread = HarrisDetector(octave_layers=3, anms=True, anms_points=60).detect_arrays(image)
     assert len(spread) == 60
     assert len(set(zip(spread['x'], spread['y']))) == 20
+
+
+def test_anms_has_weak_corners_to_choose_from_that_are_none_otherwise():
+    image = texture((300, 400), smoothing=2.0)
+    usual = HarrisDetector(fixed_number_of_points=True, number_of_points=10_000).detect_arrays(image)
+    spread = HarrisDetector(anms=True, anms_points=10_000).detect_arrays(image)
+    strength = HarrisDetector().response_map(image)
+    assert len(spread) > len(usual)
+    for points, least in ((usual, 0.05), (spread, 0.025)):
+        x, y = (np.rint(points[name]).astype(int) for name in 'xy')
+        largest = np.max([strength[y + v, x + u] for u in (-1, 0, 1) for v in (-1, 0, 1)], axis=0)
+        share = largest / contrast.local_energy(image, x, y)
+        assert least < share.min() < 1.3 * least
 
 
 @pytest.mark.parametrize('extractor', [cv2.ORB_create(), cv2.SIFT_create()], ids=['orb', 'sift'])
