@@ -15,9 +15,10 @@ import numpy as np
 from rvc_features.kernels.compiler import installed, kernel
 
 if installed:
-    from rvc_features.kernels.vectors import LANES, load, lowest_bit, maximum, splat, store, where_greater
+    from rvc_features.kernels.vectors import LANES, load, lowest_bit, maximum, splat, store, where_not_less
 
-_FINENESS = 3   # cells to the radius that is tried first, at the most
+_FINENESS = 2.83   # cells to the radius that is tried first, at the most: so that all round a point's own lie within it
+_ATTEMPTS = 8
 _PATIENCE = 20   # how many points the search may look at for each that there is
 
 
@@ -39,7 +40,7 @@ def reach_largest_radius(points: np.ndarray, responses: np.ndarray, robustness: 
     ndarray of int64 and ndarray of float64, both of shape (M,), or None
         Indices in rising order and radii, at least `count`; None where the points do not lend themselves to it.
     """
-    if not 0 < 4 * count <= len(points):
+    if not 0 < 2 * count <= len(points):
         return None
     chosen, radii = _reach_largest_radius(points, responses, float(robustness), count)
     return (chosen, radii) if len(chosen) > 0 else None
@@ -69,7 +70,8 @@ def _reach_largest_radius(points, responses, robustness, count):
         return nobody
 
     stride = columns + 2 * LANES   # room to read beyond either end
-    grid = np.full(rows * stride, -np.inf)
+    # In single precision, which keeps the order of numbers or makes them equal.
+    grid = np.full(rows * stride, np.float32(-np.inf))
     cell_of, starts = np.empty(size, np.int32), np.zeros(rows * stride + 1, np.int32)
     strongest_in = np.empty(rows * stride, np.int32)
     for i in range(size):
@@ -77,8 +79,8 @@ def _reach_largest_radius(points, responses, robustness, count):
         cell = row * stride + LANES + column
         cell_of[i] = cell
         starts[cell + 1] += 1
-        if power[i] > grid[cell]:
-            grid[cell], strongest_in[cell] = power[i], i
+        if np.float32(power[i]) > grid[cell]:
+            grid[cell], strongest_in[cell] = np.float32(power[i]), i
     by_cell = np.empty((0, 3), np.float64)
 
     chosen, radii, known = np.empty(size, np.int64), np.empty(size, np.float64), np.full(size, np.inf)
@@ -86,14 +88,14 @@ def _reach_largest_radius(points, responses, robustness, count):
     for i in range(size):
         is_exact[i] = not strongest > responses[i]   # their radius is infinite
     patience = _PATIENCE * size
-    for attempt in range(5):
+    for _ in range(_ATTEMPTS):
         # How many cells away lie within the radius as a whole; if not even a point's own does, there is no telling.
         reach = np.int64(wanted * (1 - 1e-6) / (np.sqrt(2.0) * side)) - 1
         around = _strongest_round(grid, rows, stride, reach)
         left_over = 0
         for i in range(size):
             chosen[left_over] = i
-            if reach < 0 or not around[cell_of[i]] > responses[i]:
+            if reach < 0 or not around[cell_of[i]] > np.float32(responses[i]):
                 left_over += 1
         found = 0
         if left_over >= count:
@@ -121,10 +123,6 @@ def _reach_largest_radius(points, responses, robustness, count):
                     found += 1
             if found >= count:
                 return chosen[:found].copy(), radii[:found].copy()
-        elif attempt > 0:
-            break
-        if reach < 0:
-            break
         wanted *= min(max(0.93 * (found / count) ** (2 / 3), 0.5), 0.9)
     return nobody
 
@@ -145,7 +143,7 @@ def _occupied(points, left, top, right, bottom):
 @kernel
 def _strongest_round(grid, rows, stride, reach):
     """For each cell the greatest power in the square of cells up to `reach`, at the most `LANES`, away."""
-    along, result = np.full_like(grid, -np.inf), np.empty_like(grid)
+    along, result = np.full_like(grid, np.float32(-np.inf)), np.empty_like(grid)
     for row in range(rows):
         for i in range(row * stride + LANES, (row + 1) * stride - LANES, LANES):
             most = load(grid, i)
@@ -183,7 +181,7 @@ def _nearest_stronger(x, y, response, cell, enough, side, rows, stride, grid, st
     In squares of cells round the point's own, each larger than the one before.
     """
     row, column = cell // stride, cell % stride
-    threshold = splat(response)
+    threshold = splat(np.float32(response))
     best, seen = np.inf, 0
     reach = np.int64(enough / side) + 1
     while True:
@@ -196,7 +194,7 @@ def _nearest_stronger(x, y, response, cell, enough, side, rows, stride, grid, st
             if away * away > best:
                 break
             for u in range(first, last + 1, LANES):
-                bits = where_greater(load(grid, v * stride + u), threshold)
+                bits = where_not_less(load(grid, v * stride + u), threshold)
                 if u + LANES > last + 1:
                     bits &= (1 << (last + 1 - u)) - 1
                 while bits != 0:
