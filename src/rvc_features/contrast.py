@@ -18,6 +18,7 @@ ROUNDING = 0.3     # grey values: what rounding to whole ones adds to the noise
 SIGMAS = 16, 64    # pixels: widths of the two neighbourhoods whose energies are averaged
 SIDE = 8           # pixels: of the squares that the narrower one is computed on
 FACTORS = tuple(sigma // SIGMAS[0] for sigma in SIGMAS)
+SIDES = tuple(factor * SIDE for factor in FACTORS)
 WEIGHTS = cv2.getGaussianKernel(17, SIGMAS[0] / SIDE, cv2.CV_32F).ravel()[8:]   # of squares, from the centre outwards
 
 
@@ -90,22 +91,25 @@ def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
     ndarray, float64, shape (N,)
         In squared grey values per squared pixel.
     """
+    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
+    near, far = (between(average, (x + 0.5) / side - 0.5, (y + 0.5) / side - 0.5)
+                 for average, side in zip(averages(image), SIDES))
+    return np.sqrt(near * far)
+
+
+def averages(image: np.ndarray) -> list[np.ndarray]:
+    """Energies, float32, of squares of either of SIDES pixels, each under a Gaussian of two of them."""
     vectors = compiler.available() and image.shape[1] >= compiler.LEAST_WIDTH
     sums = (compiled.energy_of_cells if vectors else reference_energy_of_cells)(image, SIDE)
-    x, y = np.asarray(x, np.float64), np.asarray(y, np.float64)
     if compiler.available():
-        return compiled.energy_at(sums, *image.shape, SIDE, FACTORS, WEIGHTS, x, y)
-    return reference_energy_at(sums, image.shape, x, y)
+        return [compiled.averages(sums, *image.shape, SIDE, factor, WEIGHTS) for factor in FACTORS]
+    return reference_averages(sums, image.shape)
 
 
-def reference_energy_at(sums: np.ndarray, shape: tuple[int, ...], x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """`local_energy` of an image of that shape out of the sums over its squares."""
-    energy = np.ones(len(x))
-    for factor in FACTORS:
-        means = _means_of_cells(sums, factor, SIDE, shape)
-        average = cv2.GaussianBlur(means, (0, 0), SIGMAS[0] / SIDE, borderType=BORDER)
-        energy *= reference_bilinear(average, (x + 0.5) / (factor * SIDE) - 0.5, (y + 0.5) / (factor * SIDE) - 0.5)
-    return np.sqrt(energy)
+def reference_averages(sums: np.ndarray, shape: tuple[int, ...]) -> list[np.ndarray]:
+    """`averages` of an image of that shape out of the sums over its squares."""
+    return [cv2.GaussianBlur(_means_of_cells(sums, factor, SIDE, shape), (0, 0), SIGMAS[0] / SIDE, borderType=BORDER)
+            for factor in FACTORS]
 
 
 def between(values: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

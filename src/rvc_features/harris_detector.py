@@ -8,7 +8,7 @@ from typing import Callable, ClassVar
 
 import numpy as np
 
-from rvc_features import contrast, filters, key_points, maxima, response, two_scales
+from rvc_features import filters, key_points, maxima, ranked_corners, response, two_scales
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
 from rvc_features.octaves import Octave, compete, in_layers, joined, merged, number_for_extractors, pyramid
@@ -147,26 +147,19 @@ class HarrisDetector(FeatureDetector):
             Positions and sizes in pixels of the full image, in reading order.
         """
         search = search or Search()
-        x, y, strength = (self._corners_without_map(image, mask, search)
-                          or self._corners_of_map(image, octave, mask, search))
-        corners = key_points.of_corners(x, y, self.rank(image, x, y, strength), self._size(), octave)
-        if self.evenness > 0:
-            corners = corners.take(np.flatnonzero(corners['response'] > 0))
+        if self.evenness > 0 and self.local_maxima:
+            x, y, ranks = self._ranked_of_map(image, octave, mask, search)
+        else:
+            x, y, ranks = (self._corners_without_map(image, mask, search)
+                           or self._corners_of_map(image, octave, mask, search))
+            if self.evenness > 0:
+                x, y, ranks = ranked_corners.ranked(image, x, y, ranks, self.evenness, self._least_of_energy())
+        if self._octaves_compete():
+            ranks = compete(ranks, image.size)
+        corners = key_points.of_corners(x, y, ranks, self._size(), octave)
         if octave + 1 < self.octaves:
             search.next_must_beat(corners['response'])
         return corners
-
-    def rank(self, image: np.ndarray, x: np.ndarray, y: np.ndarray, strength: np.ndarray) -> np.ndarray:
-        """What corners of an octave rank by: strength beside the contrast round them, fair between octaves.
-
-        0 for what is none beside that contrast, as are the steps of a slanted edge in a drawing.
-        """
-        if self.evenness > 0 and len(x) > 0:
-            energy = np.maximum(contrast.local_energy(image, x, y), _LEAST_ENERGY)
-            least = two_scales.LEAST_OF_ENERGY_SPREAD if self.anms else two_scales.LEAST_OF_ENERGY
-            is_none = strength < least * energy if self.strength == 'two_scales' else False
-            strength = np.where(is_none, 0, strength / energy ** self.evenness)
-        return compete(strength, image.size) if self._octaves_compete() else strength
 
     def refine(self, corners: np.ndarray, octave: int, shape: tuple[int, ...], mask: np.ndarray | None) -> None:
         """Move an octave's corners to where its strength is largest between the pixels, but not under the full mask."""
@@ -267,6 +260,20 @@ class HarrisDetector(FeatureDetector):
                 break
         return x, y, strength.ravel().take(y * strength.shape[1] + x)
 
+    def _ranked_of_map(self, image: np.ndarray, octave: int, mask: np.ndarray | None,
+                       search: Search) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """x and y of local maxima in pixels of the octave, and their rank."""
+        strength, largest = self._strength(image, octave)
+        minimum = self._minimum(largest, search, image, octave)
+        return ranked_corners.ranked_corners(image, strength, minimum, self.border, mask, self.evenness,
+                                             self._least_of_energy(), search.share_of_ranks)
+
+    def _least_of_energy(self) -> float:
+        """What is weaker beside the energy round it is no corner, as are the steps of a slanted edge in a drawing."""
+        if self.strength == 'harris':
+            return 0.0
+        return two_scales.LEAST_OF_ENERGY_SPREAD if self.anms else two_scales.LEAST_OF_ENERGY
+
     def _minimum(self, largest: float, search: Search, image: np.ndarray, octave: int) -> float:
         """What the strength of a corner must exceed in any case."""
         if self.strength == 'harris':
@@ -285,14 +292,7 @@ class HarrisDetector(FeatureDetector):
         """x and y in pixels of the octave, inside border and mask, in reading order."""
         x, y = (maxima.local_maxima(strength, least) if self.local_maxima
                 else maxima.pixels_above(strength, least, 4 * MOST_CORNERS))   # as they may rank otherwise
-        if self.border > 0:
-            inside = ((x >= self.border) & (x < strength.shape[1] - self.border)
-                      & (y >= self.border) & (y < strength.shape[0] - self.border))
-            x, y = x[inside], y[inside]
-        if mask is not None:
-            allowed = mask[y, x] != 0
-            x, y = x[allowed], y[allowed]
-        return x, y
+        return ranked_corners.inside(x, y, strength.shape, self.border, mask)
 
     def _octaves_compete(self) -> bool:
         """Whether responses of several octaves are made comparable; the sheet takes H as it is."""
@@ -305,12 +305,13 @@ class HarrisDetector(FeatureDetector):
             return self.adaptive_non_maximal_suppression, Search()
         if self.fixed_number_of_points:
             return self.strongest, Search(number=self.number_of_points) if is_rank else Search()
-        return self.above_threshold, Search(threshold=self.threshold) if is_rank else Search()
+        if is_rank:
+            return self.above_threshold, Search(threshold=self.threshold)
+        return self.above_threshold, Search(share_of_ranks=0.0 if self._octaves_compete() else self.threshold)
 
 
 MOST_CORNERS = 250_000   # more than any use needs, and what takes half a second: the filter gets the strongest of more
 _LEAST_LAYER = 1 / 8     # octaves between two layers
-_LEAST_ENERGY = 1e-12    # squared grey values per pixel: not to divide by zero
 
 _maps = ResponseMaps()
 _logger = logging.getLogger('rvc_features')

@@ -25,10 +25,12 @@ class Search:
         Only those above this share of the largest response of all octaves will pass.
     number : int, optional
         Only so many of the strongest will pass.
+    share_of_ranks : float
+        Only those will pass that rank above this share of what the best one does, where that is not their response.
     """
 
-    def __init__(self, threshold: float | None = None, number: int | None = None) -> None:
-        self._threshold, self._number = threshold, number
+    def __init__(self, threshold: float | None = None, number: int | None = None, share_of_ranks: float = 0.0) -> None:
+        self._threshold, self._number, self.share_of_ranks = threshold, number, share_of_ranks
         self._to_beat = 0.0
         self._noise: float | None = None
 

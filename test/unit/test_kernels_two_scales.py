@@ -118,12 +118,12 @@ def test_contrast_kernels_equal_references(shape):
         for run in (16, 64):
             means = contrast.reference_noise_of_runs(image, run)
             assert np.allclose(compiled_contrast.noise_of_runs(image, run), means, rtol=1e-12, atol=1e-9)
-        x, y = random.uniform(-3, 130, (2, 50))
         sums = contrast.reference_energy_of_cells(image, contrast.SIDE)
-        expected = contrast.reference_energy_at(sums, shape, x, y)
-        settings = (*shape, contrast.SIDE, contrast.FACTORS, contrast.WEIGHTS)
-        energy = compiled_contrast.energy_at(sums, *settings, x, y)
-        assert np.allclose(energy, expected, rtol=1e-5, atol=1e-12)
+        averages = [compiled_contrast.averages(sums, *shape, contrast.SIDE, factor, contrast.WEIGHTS)
+                    for factor in contrast.FACTORS]
+        for average, expected in zip(averages, contrast.reference_averages(sums, shape)):
+            assert np.allclose(average, expected, rtol=1e-5, atol=1e-12)
+        x, y = random.uniform(-3, 130, (2, 50))
         values = image.astype(np.float32)
         between = contrast.reference_bilinear(values, x, y)
         assert np.allclose(compiled_contrast.bilinear(values, x, y), between, rtol=1e-12)

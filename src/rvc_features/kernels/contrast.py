@@ -11,8 +11,6 @@ if installed:
     from rvc_features.kernels.vectors import (
         LANES,
         converted,
-        interleaved_first,
-        interleaved_second,
         load,
         load_half,
         maximum,
@@ -52,6 +50,7 @@ def _checked(image: np.ndarray) -> np.ndarray:
 def _energy_of_cells(image, side, pixel, product, by_pairs):
     """Sums down the columns of each row of squares, then along the row; `by_pairs` is None but for pixels of int16."""
     height, width = image.shape
+    together = 1 if by_pairs is None else 2
     cells = np.zeros((-(-height // side), -(-width // side)), np.float64)
     lead = row_lead(1)
     length = row_length(width, lead)
@@ -66,14 +65,16 @@ def _energy_of_cells(image, side, pixel, product, by_pairs):
             store(falling, lead + i, lower - upper)
         reflect_ends(smoothed, lead, width, 1)
         reflect_ends(falling, lead, width, 1)
+        # No gradient behind the last pixel, with which it may share a pair.
+        end = lead + width
+        smoothed[end + 1], falling[end + 1] = smoothed[end - 1], -(falling[end - 1] + falling[end] + falling[end])
         for i in range(lead, lead + width, LANES):
             x_gradient, middle = load(smoothed, i + 1) - load(smoothed, i - 1), load(falling, i)
             y_gradient = (load(falling, i - 1) + middle) + (middle + load(falling, i + 1))
-            if by_pairs is not None:
-                first, second = interleaved_first(x_gradient, y_gradient), interleaved_second(x_gradient, y_gradient)
-                half = i + LANES // 2
-                store(columns, i, load_half(columns, i) + products_of_pairs(first, first))
-                store(columns, half, load_half(columns, half) + products_of_pairs(second, second))
+            if by_pairs is not None:   # sums of two neighbours, of which either belongs to the same square
+                at = lead + (i - lead) // 2
+                store(columns, at, load_half(columns, at) + (products_of_pairs(x_gradient, x_gradient)
+                                                            + products_of_pairs(y_gradient, y_gradient)))
             else:
                 # Names of their own: Numba before 0.50 has one type for each name.
                 wide_x, wide_y = converted(x_gradient, product), converted(y_gradient, product)
@@ -81,8 +82,8 @@ def _energy_of_cells(image, side, pixel, product, by_pairs):
         if (y + 2) // side > y // side or y + 2 >= height:
             for cell in range(cells.shape[1]):
                 total = columns[0] - columns[0]   # zero, of their type
-                for i in range(lead + cell * side, lead + min(cell * side + side, width)):
-                    total += columns[i]
+                for i in range(cell * side // together, -(-min(cell * side + side, width) // together)):
+                    total += columns[lead + i]
                 cells[y // side, cell] = total / 64.0   # the masks over 8
             columns[:] = 0
     return cells
@@ -115,24 +116,12 @@ def _noise_of_runs(image, run, pixel, number):
 
 
 @kernel
-def energy_at(sums, height, width, side, factors, weights, x, y):
-    """Energy round points of an image of that size out of sums over squares; reference: `contrast.reference_energy_at`.
+def averages(sums, height, width, side, factor, weights):
+    """Means over squares of `factor` by `factor` cells, of every second row, under a Gaussian.
 
-    `weights` are those of the Gaussian along one direction, from its centre outwards.
+    Of an image of that size; `weights` are those of the Gaussian along one direction, from its centre outwards;
+    reference: `contrast.reference_averages`.
     """
-    energy = np.ones(len(x), np.float64)
-    for factor in factors:
-        average = _averages(sums, height, width, side, factor, weights)
-        for i in range(len(x)):
-            energy[i] *= _between(average, (x[i] + 0.5) / (factor * side) - 0.5, (y[i] + 0.5) / (factor * side) - 0.5)
-    for i in range(len(x)):
-        energy[i] = np.sqrt(energy[i])   # of two factors
-    return energy
-
-
-@kernel
-def _averages(sums, height, width, side, factor, weights):
-    """Means over squares of `factor` by `factor` cells, of every second row, under a Gaussian."""
     rows, columns = -(-sums.shape[0] // factor), -(-sums.shape[1] // factor)
     radius, of_square = len(weights) - 1, factor * side
     lead = row_lead(radius)
@@ -169,12 +158,12 @@ def bilinear(values, x, y):
     """Values between the pixels; reference: `contrast.reference_bilinear`."""
     result = np.empty(len(x), np.float64)
     for i in range(len(x)):
-        result[i] = _between(values, x[i], y[i])
+        result[i] = between(values, x[i], y[i])
     return result
 
 
 @kernel
-def _between(values, x, y):
+def between(values, x, y):
     """The value between the pixels; beyond the rim the nearest pixel counts."""
     height, width = values.shape
     x, y = min(max(x, 0.0), width - 1.0), min(max(y, 0.0), height - 1.0)

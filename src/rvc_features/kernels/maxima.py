@@ -9,6 +9,8 @@ from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kern
 if installed:
     from rvc_features.kernels.vectors import LANES, load, lowest_bit, maximum, splat, where_greater, where_not_less
 
+BLOCK_BITS = 5   # blocks are 32 columns wide
+
 
 def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
     """Local maxima above `minimum`, x and y in reading order; reference: `maxima.reference_local_maxima`."""
@@ -21,40 +23,59 @@ def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.n
 @kernel
 def _local_maxima(response, minimum, first, last):
     """Those in the rows from `first` to before `last`."""
-    height, width = response.shape
-    capacity = ((last - first + 1) // 2) * ((width + 1) // 2) + 8   # of two neighbours only one is a maximum
+    width = response.shape[1]
+    capacity = most_maxima(last - first, width)
     found_x, found_y = np.empty(capacity, np.int64), np.empty(capacity, np.int64)
-    least = splat(np.float32(minimum))
+    least = np.full((width >> BLOCK_BITS) + 1, minimum, np.float32)
     count = 0
     for y in range(first, last):
         start = count
-        by_vectors = 0 < y < height - 1 and width >= LEAST_WIDTH
-        for x in range(1 if by_vectors else width):
-            found_x[count] = x
-            count += _is_maximum(response, x, y, minimum)
-        for x in range(1, width - 1 if by_vectors else 0, LANES):
-            begin = min(x, width - 1 - LANES)
-            at = y * width + begin
-            value = load(response, at)
-            bits = where_greater(value, least)
-            if bits == 0:
-                continue
-            above, below = at - width, at + width
-            before = maximum(maximum(load(response, at - 1), load(response, above - 1)),
-                             maximum(load(response, above), load(response, above + 1)))
-            after = maximum(maximum(load(response, at + 1), load(response, below - 1)),
-                            maximum(load(response, below), load(response, below + 1)))
-            bits &= where_greater(value, before) & where_not_less(value, after)
-            bits &= -1 << (x - begin)   # the others have been looked at
-            while bits != 0:
-                found_x[count] = begin + lowest_bit(bits)
-                count += 1
-                bits &= bits - 1
-        if by_vectors:
-            found_x[count] = width - 1
-            count += _is_maximum(response, width - 1, y, minimum)
+        count = maxima_of_row(response, y, 0, width, minimum, least, found_x, count)
         found_y[start:count] = y
     return found_x[:count].copy(), found_y[:count].copy()
+
+
+@kernel
+def most_maxima(height, width):
+    """Room for all local maxima in so many pixels: of two neighbours only one can be any; and for one row more."""
+    return ((height + 1) // 2) * ((width + 1) // 2) + width
+
+
+@kernel
+def maxima_of_row(response, y, left, right, minimum, least, found, count):
+    """Write the columns of a row's maxima, from `left` to before `right`, behind the first `count` of those found.
+
+    They are above `minimum` or, where sixteen are looked at together, above `least` of the block in which the first of
+    them lies. Returns how many are found now.
+    """
+    height, width = response.shape
+    by_vectors = 0 < y < height - 1 and right - left >= LEAST_WIDTH
+    first, last = (max(left, 1), min(right, width - 1)) if by_vectors else (right, right)
+    for x in range(left, first):
+        found[count] = x
+        count += _is_maximum(response, x, y, minimum)
+    for x in range(first, last, LANES):
+        begin = min(x, last - LANES)
+        at = y * width + begin
+        value = load(response, at)
+        bits = where_greater(value, splat(least[begin >> BLOCK_BITS]))
+        if bits == 0:
+            continue
+        above, below = at - width, at + width
+        before = maximum(maximum(load(response, at - 1), load(response, above - 1)),
+                         maximum(load(response, above), load(response, above + 1)))
+        after = maximum(maximum(load(response, at + 1), load(response, below - 1)),
+                        maximum(load(response, below), load(response, below + 1)))
+        bits &= where_greater(value, before) & where_not_less(value, after)
+        bits &= -1 << (x - begin)   # the others have been looked at
+        while bits != 0:
+            found[count] = begin + lowest_bit(bits)
+            count += 1
+            bits &= bits - 1
+    for x in range(last, right):
+        found[count] = x
+        count += _is_maximum(response, x, y, minimum)
+    return count
 
 
 @kernel

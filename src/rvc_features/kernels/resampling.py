@@ -75,13 +75,17 @@ def enlarge_row(coarse, y, enlarged, lead, width):
     height, length = coarse.shape
     half_width, row = (width + 1) // 2, enlarged[1]
     zero, above = splat(np.float32(0)), y // 2
-    rows = [min(max(above + j, 0), height - 1) * length + LANES for j in range(-2, 4)]
-    for i in range(0, half_width, LANES):
-        value = load(coarse, rows[2] + i)
-        if y % 2:
-            value = _between(load(coarse, rows[0] + i), load(coarse, rows[1] + i), value, load(coarse, rows[3] + i),
-                             load(coarse, rows[4] + i), load(coarse, rows[5] + i))
-        store(row, lead + i, value)
+    here = above * length + LANES
+    if y % 2 == 0:
+        for i in range(0, half_width, LANES):
+            store(row, lead + i, load(coarse, here + i))
+    else:   # no list of rows: it would take as long as a hundred pixels
+        first, second = max(above - 2, 0) * length + LANES, max(above - 1, 0) * length + LANES
+        fourth, fifth = min(above + 1, height - 1) * length + LANES, min(above + 2, height - 1) * length + LANES
+        sixth = min(above + 3, height - 1) * length + LANES
+        for i in range(0, half_width, LANES):
+            store(row, lead + i, _between(load(coarse, first + i), load(coarse, second + i), load(coarse, here + i),
+                                          load(coarse, fourth + i), load(coarse, fifth + i), load(coarse, sixth + i)))
     end = lead + half_width
     for j in range(3):
         row[lead - 1 - j], row[end + j] = row[lead], row[end - 1]

@@ -39,30 +39,33 @@ def smooth_row(image, y, column, lead, smoothed, slot):
 
 
 @kernel
-def widen_columns(smoothed, offsets, weights, known, column, lead, width):
-    """Weighted sums down the columns of the smoothed image; `known` is as long as the radius: for the compiler."""
+def widen_columns(smoothed, places, top, weights, known, column, lead, width):
+    """Weighted sums down the columns of the smoothed image; `known` is as long as the radius: for the compiler.
+
+    `places` say where rows begin, from that at `top` on the ones that are needed.
+    """
     far = len(known)
     for i in range(0, width, LANES):
-        total = splat(weights[0]) * converted(load(smoothed, offsets[far] + i), weights)
+        total = splat(weights[0]) * converted(load(smoothed, places[top + far] + i), weights)
         for j in range(1, far + 1):
-            pair = load(smoothed, offsets[far - j] + i) + load(smoothed, offsets[far + j] + i)
+            pair = load(smoothed, places[top + far - j] + i) + load(smoothed, places[top + far + j] + i)
             total += splat(weights[j]) * converted(pair, weights)
         store(column, lead + i, total)
 
 
 @kernel
-def widen_by_pairs(smoothed, offsets, pairs, known, column, lead, width):
+def widen_by_pairs(smoothed, places, top, pairs, known, column, lead, width):
     """`widen_columns` of int16, two products at a time."""
     far = len(known)
     for i in range(0, width, LANES):
-        inner = load(smoothed, offsets[far] + i)
-        outer = load(smoothed, offsets[far - 1] + i) + load(smoothed, offsets[far + 1] + i)
+        inner = load(smoothed, places[top + far] + i)
+        outer = load(smoothed, places[top + far - 1] + i) + load(smoothed, places[top + far + 1] + i)
         first = products_of_pairs(interleaved_first(inner, outer), load(pairs, 0))
         second = products_of_pairs(interleaved_second(inner, outer), load(pairs, 0))
         for j in range(2, far + 1, 2):
             last = min(j + 1, far)
-            inner = load(smoothed, offsets[far - j] + i) + load(smoothed, offsets[far + j] + i)
-            outer = load(smoothed, offsets[far - last] + i) + load(smoothed, offsets[far + last] + i)
+            inner = load(smoothed, places[top + far - j] + i) + load(smoothed, places[top + far + j] + i)
+            outer = load(smoothed, places[top + far - last] + i) + load(smoothed, places[top + far + last] + i)
             weights = load(pairs, j // 2 * LANES)
             first += products_of_pairs(interleaved_first(inner, outer), weights)
             second += products_of_pairs(interleaved_second(inner, outer), weights)

@@ -149,40 +149,48 @@ def _response(image, smooth, window, known, further, known_further, corner_unit,
     columns = zeros(2 * 3 * length, window).reshape((2, 3, length))
     wide = zeros(4 * length, further).reshape((4, length))
     enlarged = zeros(2 * length, window).reshape((2, length))
-    offsets = np.empty(2 * max(radius, far) + 2, np.int64)
+    reach = 2 * max(radius, far) + 4   # rows that are looked at above and below
+    base, rows = first - reach, last - first + 2 * reach
+    of_smoothed = _places(base, rows, height, slots, length, lead)
+    of_products = _places(base, rows, height, product_slots, 3 * length, lead)
+    of_wide = _places(base, rows, height, 4, length, lead)
     largest = zeros(LANES, window)
     for y in range(first, last, 2):
         while done <= min(height - 1, y + 2 + max(radius, far)):
             smooth_row(image, done, column_of_image, lead, smoothed, done % slots)
             done += 1
         while done_products <= min(height - 1, y + 1 + radius):
-            for j in range(3):
-                offsets[j] = reflect(done_products - 1 + j, height) % slots * length + lead
-            _multiply_row(smoothed, offsets, products, done_products % product_slots * 3 * length + lead, width, length)
+            at = done_products - base
+            _multiply_row(smoothed, of_smoothed, at - 1, products, of_products[at], width, length)
             done_products += 1
         while done_wide <= min(height - 1, y + 2):
-            for j in range(2 * far + 1):
-                offsets[j] = reflect(done_wide - far + j, height) % slots * length + lead
+            top = done_wide - far - base
             if pairs is not None:
-                widen_by_pairs(smoothed, offsets, pairs, known_further, column_of_smoothed, lead, width)
+                widen_by_pairs(smoothed, of_smoothed, top, pairs, known_further, column_of_smoothed, lead, width)
             else:
-                widen_columns(smoothed, offsets, further, known_further, column_of_smoothed, lead, width)
+                widen_columns(smoothed, of_smoothed, top, further, known_further, column_of_smoothed, lead, width)
             widen_row(column_of_smoothed, further, known_further, lead, width, wide, done_wide % 4)
             done_wide += 1
-        for j in range(2 * radius + 2):
-            offsets[j] = reflect(y - radius + j, height) % product_slots * 3 * length + lead
         for part in range(3):
-            _weigh_rows(products, offsets, part * length, window, known, width, columns, part * length + lead)
+            _weigh_rows(products, of_products, y - radius - base, part * length, window, known, width, columns,
+                        part * length + lead)
         for row in range(min(2, last - y)):
             for part in range(3):
                 reflect_ends(columns[row, part], lead, width, radius)
             if coarse is not None:
                 enlarge_row(coarse, y + row, enlarged, lead, width)
-            for j in range(3):
-                offsets[j] = reflect(y + row - 1 + j, height) % 4 * length + lead
-            _respond(columns, row * 3 * length + lead, window, known, wide, offsets, corner_unit, saddle_unit, coarse,
-                     enlarged, lead, out, (y + row) * out.shape[1] + margin, width, largest)
+            _respond(columns, row * 3 * length + lead, window, known, wide, of_wide, y + row - 1 - base, corner_unit,
+                     saddle_unit, coarse, enlarged, lead, out, (y + row) * out.shape[1] + margin, width, largest)
     return largest.max()
+
+
+@kernel
+def _places(first, count, height, slots, stride, lead):
+    """Where each row from `first` on, or the one that it is reflected to, begins in a buffer of so many rows."""
+    places = np.empty(count, np.int64)
+    for j in range(count):
+        places[j] = reflect(first + j, height) % slots * stride + lead
+    return places
 
 
 @kernel
@@ -202,9 +210,9 @@ def _gradient(rows, above, here, below):
 
 
 @kernel
-def _multiply_row(smoothed, offsets, products, to, width, stride):
+def _multiply_row(smoothed, places, top, products, to, width, stride):
     """Products of the gradients of one row: I_x^2, I_x I_y, I_y^2."""
-    above, here, below = offsets[0] - 1, offsets[1] - 1, offsets[2] - 1
+    above, here, below = places[top] - 1, places[top + 1] - 1, places[top + 2] - 1
     for i in range(0, width, LANES):
         x_gradient, y_gradient = _gradient(smoothed, above + i, here + i, below + i)
         across, down = to_float32(x_gradient), to_float32(y_gradient)
@@ -214,16 +222,17 @@ def _multiply_row(smoothed, offsets, products, to, width, stride):
 
 
 @kernel
-def _weigh_rows(products, offsets, start, weights, known, width, columns, to):
+def _weigh_rows(products, places, top, start, weights, known, width, columns, to):
     """Weighted sums down the columns, for one row and for the next, which begins one row of products later."""
     next_row, radius = 3 * columns.shape[2], _radius(weights, known)
     for i in range(0, width, LANES):
         at = start + i
-        low, high = load(products, offsets[0] + at), load(products, offsets[2 * radius + 1] + at)
+        low, high = load(products, places[top] + at), load(products, places[top + 2 * radius + 1] + at)
         first = second = splat(np.float32(0))
         for j in range(radius):
             weight = splat(weights[radius - j])
-            next_low, next_high = load(products, offsets[j + 1] + at), load(products, offsets[2 * radius - j] + at)
+            next_low = load(products, places[top + j + 1] + at)
+            next_high = load(products, places[top + 2 * radius - j] + at)
             first += weight * (low + next_high)
             second += weight * (next_low + high)
             low, high = next_low, next_high
@@ -232,8 +241,8 @@ def _weigh_rows(products, offsets, start, weights, known, width, columns, to):
 
 
 @kernel
-def _respond(columns, start, weights, known, wide, offsets, corner_unit, saddle_unit, coarse, enlarged, lead, out, to,
-             width, largest):
+def _respond(columns, start, weights, known, wide, places, top, corner_unit, saddle_unit, coarse, enlarged, lead, out,
+             to, width, largest):
     """One row of R or M from the weighted sums down the columns and from three rows of what was smoothed further."""
     stride, radius = columns.shape[2], _radius(weights, known)
     corner_unit, saddle_unit = splat(corner_unit), splat(saddle_unit)
@@ -251,7 +260,7 @@ def _respond(columns, start, weights, known, wide, offsets, corner_unit, saddle_
             a += weight * (load(columns, at - j) + load(columns, at + j))
             b += weight * (load(columns, at + stride - j) + load(columns, at + stride + j))
             c += weight * (load(columns, at + 2 * stride - j) + load(columns, at + 2 * stride + j))
-        above, here, below = offsets[0] + i, offsets[1] + i, offsets[2] + i
+        above, here, below = places[top] + i, places[top + 1] + i, places[top + 2] + i
         middle, up, low = load(wide, here), load(wide, above), load(wide, below)
         up_left, up_right = load(wide, above - 1), load(wide, above + 1)
         low_left, low_right = load(wide, below - 1), load(wide, below + 1)

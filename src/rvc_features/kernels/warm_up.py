@@ -21,6 +21,7 @@ from rvc_features.kernels import (
     maxima,
     orientation,
     oriented_corners,
+    ranked_corners,
     response,
     sorting,
     spread,
@@ -53,8 +54,10 @@ def compile_all() -> float:
             scale = ones[:count], ones[:4], 1.0
             two_scales.strength(image, two_scales.Weights.of(ones, scale, scale, image.dtype))
         contrast.noise_of_runs(image, 16)
-        energy = contrast.energy_of_cells(image, 8)
-        contrast.energy_at(energy, *image.shape, 8, (1, 4), np.ones(9, np.float32), np.ones(1), np.ones(1))
+        sums, weights = contrast.energy_of_cells(image, 8), np.ones(9, np.float32)
+        averages = [contrast.averages(sums, *image.shape, 8, factor, weights) for factor in (1, 4)]
+        lowest = np.ones((2, 2), np.float32)
+        ranked_corners.ranked_corners(values, 10.0, 0, None, averages, (8, 32), lowest, 0.5, 0.0, 0.0)
         contrast.bilinear(np.ones((2, 2), np.float32), np.ones(1, np.float32), np.ones(1, np.float32))
         x, y = maxima.refine(values, *maxima.local_maxima(values, 10.0))
         table = np.ones((2, orientation.COLUMNS), np.float32)
