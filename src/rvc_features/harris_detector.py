@@ -279,7 +279,8 @@ class HarrisDetector(FeatureDetector):
         if self.strength == 'harris':
             return self.minimum_response
         noise = search.noise(image, octave)
-        if two_scales.is_smooth_noise(image, noise, largest):
+        search.only_noise = search.only_noise or two_scales.is_noise(image, noise, largest)
+        if search.only_noise:
             return largest   # which nothing exceeds
         return two_scales.least_strength(self.minimum_contrast, noise, largest)
 

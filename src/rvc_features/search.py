@@ -33,6 +33,7 @@ class Search:
         self._threshold, self._number, self.share_of_ranks = threshold, number, share_of_ranks
         self._to_beat = 0.0
         self._noise: float | None = None
+        self.only_noise = False   # whether an octave is nothing else: then those that follow are not, either
 
     def noise(self, image: np.ndarray, octave: int) -> float:
         """Noise of an octave, in grey values: measured in the first one, for rounding hides it in those that follow."""

@@ -185,6 +185,7 @@ def binomial(steps: int) -> np.ndarray:
 
 CONTRAST = 8.73      # grey values: the step at a right-angled corner whose strength is 1
 NOISE_FACTOR = 0.18  # times the noise: the root of the strength that noise alone hardly ever reaches
+SURELY_CORNER = 1.25 # times that: what noise in squares, as JPEG leaves it, does not reach either
 SMOOTH_NOISE_FACTOR = 0.6   # the same where neighbours are alike
 MOST_SMOOTH_NOISE = 4.0     # grey values: with more it is texture
 WHITER = 1.25        # noise that is less than so many times as strong over twice the size is white
@@ -208,8 +209,8 @@ def least_strength(minimum_contrast: float, noise: float, largest: float) -> flo
     return max(max(minimum_contrast / CONTRAST, NOISE_FACTOR * noise) ** 2, LEAST_SHARE * largest)
 
 
-def is_smooth_noise(image: np.ndarray, noise: float, largest: float) -> bool:
-    """Whether nothing in an image is stronger than its own noise, were that smoothed, makes it.
+def is_noise(image: np.ndarray, noise: float, largest: float) -> bool:
+    """Whether nothing in an image is much stronger than its own noise, or that noise, were it smoothed, makes it.
 
     Where something is, `least_strength` is all there is to say: fine texture looks like smoothed noise, but for its
     strongest corners.
@@ -220,6 +221,8 @@ def is_smooth_noise(image: np.ndarray, noise: float, largest: float) -> bool:
     noise, largest : float
         As for `least_strength`.
     """
+    if largest < (SURELY_CORNER * NOISE_FACTOR * noise) ** 2:
+        return True
     if largest >= (SMOOTH_NOISE_FACTOR * MOST_SMOOTH_NOISE) ** 2:
         return False
     smooth = float(np.hypot(contrast.smooth_noise(image), contrast.ROUNDING if image.dtype == np.uint8 else 0))
