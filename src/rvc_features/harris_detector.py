@@ -23,8 +23,9 @@ class HarrisDetector(FeatureDetector):
     """Corners after Harris and Stephens, in several octaves, with a direction.
 
     The defaults are those of the preset `repeatable`: strong is a corner that two scales agree on (two_scales.py), and
-    it is ranked by its strength beside the contrast round it. With `strength='harris'`, `evenness=0`, as in the preset
-    `course`, it is the exercise sheet's detector: strength and rank are the Harris response H.
+    it is ranked by its strength's rise above what lies round it (`maxima.rise`), beside the contrast there. With
+    `strength='harris'`, `evenness=0`, as in the preset `course`, it is the exercise sheet's detector: strength and rank
+    are the Harris response H.
 
     A key point is a local maximum of the strength that passes one of three filters, each applied to the corners of all
     octaves together: `anms` if set, else the strongest `number_of_points` with `fixed_number_of_points`, else those
@@ -153,7 +154,7 @@ class HarrisDetector(FeatureDetector):
             x, y, ranks = (self._corners_without_map(image, mask, search)
                            or self._corners_of_map(image, octave, mask, search))
             if self.evenness > 0:
-                x, y, ranks = ranked_corners.ranked(image, x, y, ranks, self.evenness, self._least_of_energy())
+                x, y, ranks = ranked_corners.ranked(image, x, y, ranks, ranks, self.evenness, self._least_of_energy())
         if self._octaves_compete():
             ranks = compete(ranks, image.size)
         corners = key_points.of_corners(x, y, ranks, self._size(), octave)

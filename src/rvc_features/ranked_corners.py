@@ -1,4 +1,4 @@
-"""Corners of a map of strength, ranked by their strength beside the contrast round them."""
+"""Corners of a map of strength, ranked by how far they rise in it, beside the contrast round them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,8 @@ def ranked_corners(image: np.ndarray, strength: np.ndarray, minimum: float, bord
     mask : ndarray, uint8, shape (H, W), optional
         There is none where it is 0.
     evenness : float
-        The rank is the strength over the local energy, see `contrast.local_energy`, to that power.
+        The rank is how far the strength rises, see `maxima.rise`, over the local energy, see `contrast.local_energy`,
+        to that power.
     least_of_energy : float
         The least strength of a corner as a share of that energy.
     share : float
@@ -53,7 +54,7 @@ def reference_ranked_corners(image: np.ndarray, strength: np.ndarray, minimum: f
                              least_of_energy: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """`ranked_corners` step by step, none left out."""
     x, y = inside(*maxima.local_maxima(strength, minimum), strength.shape, border, mask)
-    return ranked(image, x, y, strength[y, x], evenness, least_of_energy)
+    return ranked(image, x, y, strength[y, x], maxima.rise(strength, x, y), evenness, least_of_energy)
 
 
 def inside(x: np.ndarray, y: np.ndarray, shape: tuple[int, ...], border: int,
@@ -68,14 +69,14 @@ def inside(x: np.ndarray, y: np.ndarray, shape: tuple[int, ...], border: int,
     return x, y
 
 
-def ranked(image: np.ndarray, x: np.ndarray, y: np.ndarray, strength: np.ndarray, evenness: float,
+def ranked(image: np.ndarray, x: np.ndarray, y: np.ndarray, strength: np.ndarray, rise: np.ndarray, evenness: float,
            least_of_energy: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Those of the pixels that are corners beside the contrast round them, and their rank.
+    """Those of the pixels that are corners beside the contrast round them, and their rank: `rise` beside it.
 
     Steps of a slanted edge in a drawing are none.
     """
     energy = np.maximum(contrast.local_energy(image, x, y), LEAST_ENERGY)
-    ranks = np.where(strength < least_of_energy * energy, 0, strength / energy ** evenness).astype(np.float32)
+    ranks = np.where(strength < least_of_energy * energy, 0, rise / energy ** evenness).astype(np.float32)
     chosen = np.flatnonzero(ranks > 0)
     return x.take(chosen), y.take(chosen), ranks.take(chosen)
 

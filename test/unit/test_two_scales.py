@@ -6,7 +6,7 @@ import pytest
 from conftest import draw_polygon, texture
 
 from rvc_features import contrast
-from rvc_features.maxima import local_maxima, refine
+from rvc_features.maxima import local_maxima, refine, rise
 from rvc_features.two_scales import two_scale_strength
 
 
@@ -30,6 +30,19 @@ def test_noise_hardly_moves_the_top_of_a_slanted_hill():
         found = np.ravel(refine(hill.astype(np.float32), np.array([4]), np.array([4])))
         misses.append(np.hypot(*(found - top)))
     assert np.mean(misses) < 0.07
+
+
+def test_a_summit_on_a_ridge_rises_less_than_one_by_itself():
+    y, x = np.mgrid[:41, :81].astype(np.float32)
+    alone = np.exp(-((x - 20) ** 2 + (y - 20) ** 2) / 8)
+    ridge = np.exp(-(y - 20) ** 2 / 8) * (0.9 + 0.1 * np.exp(-(x - 60) ** 2 / 8)) * (x > 40)
+    response = 4 * (alone + ridge)
+    by_itself, on_ridge, foot, rim = rise(response, np.array([20, 60, 30, 80]), np.array([20, 20, 20, 20]))
+    assert by_itself == pytest.approx(3.68, abs=0.01)
+    assert on_ridge == pytest.approx(2.79, abs=0.01)   # of its circle, a fourth lies on the ridge
+    assert foot == pytest.approx(0.05 * response[20, 30])   # all round it is higher, and it is a point still
+    assert rim == pytest.approx(on_ridge, rel=0.25)   # beyond the rim the ridge goes on
+    assert rise(3 * response, np.array([60]), np.array([20])) == pytest.approx(3 * on_ridge)
 
 
 @pytest.mark.parametrize('dtype', [np.uint8, np.float32])

@@ -11,6 +11,11 @@ if installed:
 
 BLOCK_BITS = 5   # blocks are 32 columns wide
 
+# The sixteen pixels on a circle of about four round a pixel, x and y in turn.
+AROUND = (4, 0, 4, 2, 3, 3, 2, 4, 0, 4, -2, 4, -3, 3, -4, 2, -4, 0, -4, -2, -3, -3, -2, -4, 0, -4, 2, -4, 3, -3, 4, -2)
+SURROUNDINGS = 0.8   # share of their mean that does not count for a pixel
+LEAST_RISE = 0.05    # share of a pixel's own value that counts in any case
+
 
 def local_maxima(response: np.ndarray, minimum: float) -> tuple[np.ndarray, np.ndarray]:
     """Local maxima above `minimum`, x and y in reading order; reference: `maxima.reference_local_maxima`."""
@@ -118,3 +123,15 @@ def refine(response, x, y):
             refined_x[i] += min(max((s_xy * g_y - s_yy * g_x) / determinant, -0.5), 0.5)
             refined_y[i] += min(max((s_xy * g_x - s_xx * g_y) / determinant, -0.5), 0.5)
     return refined_x, refined_y
+
+
+@kernel
+def rise_at(response, x, y):
+    """How far a pixel rises above what lies round it; reference: `maxima.rise`."""
+    height, width = response.shape
+    total = 0.0
+    for i in range(0, len(AROUND), 2):
+        u, v = min(max(x + AROUND[i], 0), width - 1), min(max(y + AROUND[i + 1], 0), height - 1)
+        total += float(response[v, u])
+    value = float(response[y, x])
+    return max(value - SURROUNDINGS * max(2 * total / len(AROUND), 0.0), LEAST_RISE * value)

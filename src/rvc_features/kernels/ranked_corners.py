@@ -1,4 +1,4 @@
-"""Local maxima ranked by their strength beside the contrast round them, in one pass; reference: ranked_corners.py."""
+"""Local maxima ranked by their rise beside the contrast round them, in one pass; reference: ranked_corners.py."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from rvc_features.kernels.compiler import in_bands, kernel, read_only
 from rvc_features.kernels.contrast import between
-from rvc_features.kernels.maxima import BLOCK_BITS, maxima_of_row, most_maxima
+from rvc_features.kernels.maxima import BLOCK_BITS, maxima_of_row, most_maxima, rise_at
 
 BLOCK = 1 << BLOCK_BITS
 LEAST_ENERGY = 1e-12   # squared grey values per pixel: what counts at the least, not to divide by zero
@@ -67,7 +67,7 @@ def _ranked_corners(strength, minimum, border, mask, near, far, sides, lowest, e
             value = np.float64(strength[y, x])
             if value < least_of_energy * energy:
                 continue
-            rank = np.float32(value / energy ** evenness)
+            rank = np.float32(rise_at(strength, x, y) / energy ** evenness)   # at most the value's
             if rank > best * share * _LITTLE_LESS:
                 found_x[count], found_y[count], ranks[count] = x, y, rank
                 best = max(best, float(rank))
