@@ -208,7 +208,7 @@ def test_maxima_kernels_equal_reference(shape):
 
 
 @compiled
-@pytest.mark.parametrize('sigma', [0.3, 0.6, 1.0, 2.5, 20.0])
+@pytest.mark.parametrize('sigma', [0.3, 0.6, 1.0, 1.6, 2.5, 20.0])
 def test_orientation_kernel_equals_reference(sigma):
     image = texture((50, 60))
     x, y = random.uniform(0, 59, 200), random.uniform(0, 49, 200)
