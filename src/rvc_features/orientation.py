@@ -83,6 +83,10 @@ def direction_of_scales(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: 
     inverse times the gradient turns as the arrow does. The patch of a descriptor is not compressed with the surface,
     and the gradient alone turns it better.
 
+    What a scale says counts less the more of it may be noise: at twice the scale, half as much of the image's noise is
+    left in the gradient. With the tensor's trace E for what the image has there and n for its noise, the weights are
+    E / (E + t n^2 / 4^octave), as a Wiener filter's.
+
     Parameters
     ----------
     image, x, y, sigma
@@ -100,18 +104,19 @@ def direction_of_scales(image: np.ndarray, x: np.ndarray, y: np.ndarray, sigma: 
     T. Lindeberg and J. Garding, "Shape-adapted smoothing in estimation of 3-D shape cues from affine deformations of
     local 2-D brightness structure", Image and Vision Computing 15(6), 1997: how the tensor transforms.
     """
-    gradient_x, gradient_y = smoothed_gradient(image, x, y, sigma)
-    level = image
-    for octave in range(1, _SCALES):
-        level = cv2.pyrDown(level)
-        if octave == 1:
-            half = level
-        # 2 pi sigma^4 times the gradient at an octave is so many times sigma times the full image's.
-        there = smoothed_gradient(level, x / (1 << octave), y / (1 << octave), sigma)
-        gradient_x, gradient_y = gradient_x + there[0], gradient_y + there[1]
+    levels = [image]
+    for _ in range(1, _SCALES):
+        levels.append(cv2.pyrDown(levels[-1]))
+    # 2 pi sigma^4 times the gradient at an octave is so many times sigma times the full image's.
+    gradients = np.stack([smoothed_gradient(level, x / (1 << octave), y / (1 << octave), sigma)
+                          for octave, level in enumerate(levels)])
     if not shape_adaptation:
-        return direction(gradient_x, gradient_y)
-    a, b, c = _products_round(half, x / 2, y / 2)
+        return direction(*gradients.sum(axis=0))
+    a, b, c = _products_round(levels[1], x / 2, y / 2)
+    energy = a + c + _LEAST_PRODUCT
+    noise = _NOISE * contrast.noise(image) ** 2
+    gradient_x, gradient_y = sum(energy / (energy + noise / 4 ** octave) * of_scale
+                                 for octave, of_scale in enumerate(gradients))
     # Where all gradients point the same way, or there are none, the tensor alone has no inverse.
     rest = _LEAST_SPREAD / 2 * (a + c) + _LEAST_PRODUCT
     return direction((c + rest) * gradient_x - b * gradient_y, (a + rest) * gradient_y - b * gradient_x)
@@ -211,4 +216,5 @@ _SCALES = 4              # each twice the one before
 _CELL = 8                # pixels of the image at half its size: squares over which the products are averaged first
 _SPREAD = 2.0            # cells: standard deviation of the Gaussian that averages over these
 _LEAST_SPREAD = 1.0      # share of the tensor's trace that is added to make it rounder
+_NOISE = 1000.0          # times the squared noise: how much of the gradients' energy, by Sobel's masks, makes up for it
 _LEAST_PRODUCT = 1e-6    # squared gradient, in grey values by Sobel's masks: not to divide by nothing

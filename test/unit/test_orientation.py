@@ -42,11 +42,11 @@ def test_without_shape_adaptation_directions_are_the_gradients():
     assert 315 < adapted < 350   # 315 runs along the stripes
 
 
-@pytest.mark.parametrize('degrees', [40, 200])
-def test_directions_turn_with_a_noisy_picture(degrees):
+@pytest.mark.parametrize(('degrees', 'sigma', 'most'), [(40, 2, 2.5), (200, 2, 2.5), (200, 5, 1.1)])
+def test_directions_turn_with_a_noisy_picture(degrees, sigma, most):
     photograph = warps.generated_photograph()
     turned, matrix = warps.warped(photograph, 'rotation', degrees)
-    noise = np.random.default_rng(0).normal(0, 2, (2, *turned.shape))
+    noise = np.random.default_rng(0).normal(0, sigma, (2, *turned.shape))
     images = [np.rint(np.clip(image + grey, 0, 255)).astype(np.uint8)
               for image, grey in zip((warps.reference(photograph), turned), noise)]
     first, second = (HarrisDetector(fixed_number_of_points=True, number_of_points=300).detect_arrays(image)
@@ -55,7 +55,7 @@ def test_directions_turn_with_a_noisy_picture(degrees):
     i, j, _ = measures.found_again(region, 1.5)
     errors = measures.orientation_errors(first['angle'][i], second['angle'][j], matrix, measures.positions(first)[i])
     assert len(errors) > 150
-    assert np.median(errors) < 2.5
+    assert np.median(errors) < most   # were all scales trusted alike, 1.25 at the last
     assert np.mean(errors < 10) > 0.9
 
 
