@@ -7,7 +7,7 @@ import numpy as np
 
 from benchmarks import halide_harris, images
 from benchmarks.harness import SIZES, Report, deviation, in_turn
-from rvc_features.response import harris_response, reference_response, response_and_maximum
+from rvc_features.response import harris_response, reference_response
 
 _REACH = {('box', '1080p'): {3: 0.25, 7: 0.30, 15: 0.40, 31: 0.40},
           ('box', 'VGA'): {3: 0.33, 7: 0.40, 15: 0.54, 31: 0.54},
@@ -51,7 +51,10 @@ def run(quick: bool) -> Report:
 
 
 def _compare_halide(report: Report, size: str, image: np.ndarray, rounds: int) -> None:
-    """Into memory that is there, as Halide does it; beside the least that can be done: to read and to write."""
+    """As a user calls ours, with memory of its own for each map; Halide writes into memory that is there.
+
+    Beside them the least that can be done: to read and to write.
+    """
     try:
         halide = halide_harris.variants()
     except ImportError:
@@ -60,7 +63,7 @@ def _compare_halide(report: Report, size: str, image: np.ndarray, rounds: int) -
     out = np.empty(image.shape, np.float32)
     times = in_turn({
         'copy': lambda: np.copyto(out, image),
-        **{f'{window} {size}': lambda w=size, kind=window: response_and_maximum(image, w, kind, 0.04, 0.0, out)
+        **{f'{window} {size}': lambda w=size, kind=window: harris_response(image, w, kind)
            for window, size in (('box', 3), ('box', 31), ('gaussian', 7))},
         **{name: lambda function=function: function(image, out) for name, function in halide.items()},
     }, rounds)

@@ -9,6 +9,7 @@ two runs depends on the image, the window and on whether Numba is there; the res
 from __future__ import annotations
 
 import functools
+from typing import Callable
 
 import cv2
 import numpy as np
@@ -68,24 +69,43 @@ def harris_response(image: np.ndarray, window_size: int, window: str = 'gaussian
     >>> [int(i) for i in np.unravel_index(response.argmax(), response.shape)]
     [8, 8]
     """
-    _check(image, window_size, window, harris_k, derivative_sigma)
-    return response_and_maximum(image, window_size, window, harris_k, derivative_sigma)[0]
+    check_image(image)
+    try:
+        compute = _way(image.dtype, image.shape, window_size, window, harris_k, derivative_sigma)
+    except TypeError:   # also of what can't be looked up, which is to be said in words of ours
+        _check_parameters(window_size, window, harris_k, derivative_sigma)
+        raise
+    return compute(image, None)[0]
 
 
 def response_and_maximum(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float,
                          out: np.ndarray | None = None) -> tuple[np.ndarray, float]:
-    """`harris_response` and its largest value; arguments are taken as checked.
+    """`harris_response` and its largest value; the image is taken as checked.
 
     `out`, where it is given (float32, contiguous, of the image's shape), is what holds the response afterwards.
     """
+    return _way(image.dtype, image.shape, window_size, window, harris_k, derivative_sigma)(image, out)
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def _way(dtype: np.dtype, shape: tuple[int, int], window_size: int, window: str, harris_k: float,
+         derivative_sigma: float) -> Callable[[np.ndarray, np.ndarray | None], tuple[np.ndarray, float]]:
+    """`response_and_maximum` of images of that type and shape: a function of the image and of `out`.
+
+    What was right once is not looked at again, image by image.
+    """
+    _check_parameters(window_size, window, harris_k, derivative_sigma)
     if derivative_sigma < _LEAST_SIGMA:
         derivative_sigma = 0.0
-    if not _fits_kernel(image, window_size):
+    if _fits_kernel(shape, window_size):
+        return compiled.way(dtype, shape, window_size, window, harris_k, derivative_sigma)
+
+    def compute(image: np.ndarray, out: np.ndarray | None) -> tuple[np.ndarray, float]:
         response = reference_response(image, window_size, window, harris_k, derivative_sigma)
         if out is not None:
             out[:] = response
         return response, float(response.max())
-    return compiled.response(image, window_size, window, harris_k, derivative_sigma, out)
+    return compute
 
 
 def corners(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float, minimum: float,
@@ -104,7 +124,7 @@ def corners(image: np.ndarray, window_size: int, window: str, harris_k: float, d
 def needs_no_map(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float) -> bool:
     """Whether corners of this response are found without a map of it."""
     return (window == 'box' and window_size == 3 and derivative_sigma < _LEAST_SIGMA and image.dtype == np.uint8
-            and harris_k >= compiled.LEAST_K_IN_SINGLE_PRECISION and _fits_kernel(image, window_size))
+            and harris_k >= compiled.LEAST_K_IN_SINGLE_PRECISION and _fits_kernel(image.shape, window_size))
 
 
 def reference_response(image: np.ndarray, window_size: int, window: str, harris_k: float,
@@ -140,11 +160,12 @@ def gaussian_window_sigma(window_size: int) -> float:
     return 0.3 * ((window_size - 1) * 0.5 - 1) + 0.8
 
 
-def _fits_kernel(image: np.ndarray, window_size: int) -> bool:
+def _fits_kernel(shape: tuple[int, ...], window_size: int) -> bool:
     # Single precision is too little beside the largest |H| where H may nearly cancel at every pixel: in tiny images,
     # and where the window is as large as the image.
-    return (image.size >= _LEAST_PIXELS and image.shape[1] >= compiler.LEAST_WIDTH
-            and window_size <= min(compiled.LARGEST_BOX, *image.shape) and compiler.available())
+    height, width = shape
+    return (height * width >= _LEAST_PIXELS and width >= compiler.LEAST_WIDTH
+            and window_size <= min(compiled.LARGEST_BOX, height, width) and compiler.available())
 
 
 _LEAST_PIXELS = 1024
@@ -162,18 +183,7 @@ def check_image(image: np.ndarray) -> None:
         raise ValueError(f'image must be {accepted}; got shape {image.shape}')
 
 
-def _check(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float) -> None:
-    check_image(image)
-    try:
-        _check_parameters(window_size, window, harris_k, derivative_sigma)
-    except TypeError:   # also of what can't be looked up, which is to be said in words of ours
-        _check_parameters.__wrapped__(window_size, window, harris_k, derivative_sigma)
-        raise
-
-
-@functools.lru_cache(maxsize=64, typed=True)
 def _check_parameters(window_size: int, window: str, harris_k: float, derivative_sigma: float) -> None:
-    """As the detectors' parameters are checked; what was right once is not looked at again, image by image."""
     for name, value, specification in (('window_size', window_size, WINDOW_SIZE), ('window', window, WINDOW),
                                        ('harris_k', harris_k, HARRIS_K),
                                        ('derivative_sigma', derivative_sigma, DERIVATIVE_SIGMA)):

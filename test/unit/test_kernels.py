@@ -184,6 +184,27 @@ def test_response_writes_where_it_is_told():
     assert largest == response.max()
 
 
+@compiled
+@pytest.mark.parametrize('threads', [1, 2])
+@pytest.mark.parametrize(('window', 'window_size'), [('box', 3), ('box', 31), ('gaussian', 3), ('gaussian', 7)])
+def test_large_maps_are_the_same_past_the_caches(window, window_size, threads):
+    """What is large and new is written there, where rows begin at cache lines; 992: blocks of the Gaussian overlap."""
+    before = cv2.getNumThreads()
+    cv2.setNumThreads(threads)
+    try:
+        for shape in ((1058, 992), (1058, 1000)):
+            image, out = texture(shape), np.full(shape, np.nan, np.float32)
+            response, largest = compiled_response.way(image.dtype, shape, window_size, window, 0.04, 0.0)(image, None)
+            assert response.flags.c_contiguous
+            assert response.ctypes.data % 64 == 0
+            assert_equal_response(response, reference_response(image, window_size, window, 0.04, 0.0))
+            response_and_maximum(image, window_size, window, 0.04, 0.0, out)
+            assert np.array_equal(response, out)
+            assert largest == out.max()
+    finally:
+        cv2.setNumThreads(before)
+
+
 def test_responses_handed_out_are_not_overwritten():
     detector = HarrisDetector()
     image, other = texture((60, 80)), texture((60, 80), seed=9)

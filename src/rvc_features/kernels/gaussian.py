@@ -9,6 +9,8 @@ or above and below, is added before it is weighed.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from rvc_features.kernels.compiler import installed, kernel
@@ -17,6 +19,7 @@ from rvc_features.kernels.rows import reflect, zeros
 if installed:
     from rvc_features.kernels.instructions import (
         SCALE,
+        all_written,
         element,
         even_bytes,
         expect_to_read,
@@ -25,6 +28,7 @@ if installed:
         scaled_evens,
         scaled_odds,
         store_in_turn,
+        stream_in_turn,
     )
     from rvc_features.kernels.vectors import (
         LANES,
@@ -48,9 +52,8 @@ _LINE = _BLOCK + 2 * _LARGEST_LEAD + 4 * _PIXELS   # of the image
 _LINES = 8   # kept at once: a power of two
 
 
-def response(image: np.ndarray, taps: np.ndarray, harris_k: np.float32, out: np.ndarray, first: int,
-             last: int) -> float:
-    """Fill in the rows from `first` to before `last`; returns the largest value in them.
+def arguments(taps: np.ndarray, harris_k: float) -> tuple[np.ndarray, Any, np.float32, np.float32]:
+    """Those of `response` that do not depend on the image.
 
     `taps` are the window's weights from its centre outwards. Here the first is one, and what that makes of H is undone.
     Zeros follow up to a multiple of four.
@@ -59,12 +62,15 @@ def response(image: np.ndarray, taps: np.ndarray, harris_k: np.float32, out: np.
     weights[:len(taps)] = taps / taps[0]
     further = () if len(weights) == 4 else np.empty(len(weights) // 4 - 1, np.uint8)
     scale = np.float32(taps[0] ** 4 / SCALE ** 4)
-    return _response(image, weights, further, np.float32(harris_k * scale), scale, out, first, last)
+    return weights, further, np.float32(harris_k * scale), scale
 
 
 @kernel
-def _response(image, weights, further, harris_k, scale, out, first, last):
-    """`further` is as long as there are weights in fours after the first four: for the compiler, if there are none."""
+def response(weights, further, harris_k, scale, image, out, streamed, first, last):
+    """Fill in the rows from `first` to before `last`; returns the largest value in them.
+
+    `further` is as long as there are weights in fours after the first four: for the compiler, if there are none.
+    """
     height, width = image.shape
     lead = len(weights)   # columns before a block: the radius, and one for the gradient
     radius = lead - 1
@@ -94,7 +100,8 @@ def _response(image, weights, further, harris_k, scale, out, first, last):
             y = done - radius
             if y >= first:
                 _weigh_down(sums, places, y - base - radius, weights, further, products)
-                _respond(products, size, harris_k, scale, out, y, min(_ROWS, last - y), start, largest)
+                _respond(products, size, harris_k, scale, out, streamed, y, min(_ROWS, last - y), start, largest)
+    all_written()
     return largest.max()
 
 
@@ -247,7 +254,7 @@ def _further_sums(sums, low, high, weights, j):
 
 
 @kernel
-def _respond(sums, size, harris_k, scale, out, y, count, start, largest):
+def _respond(sums, size, harris_k, scale, out, streamed, y, count, start, largest):
     """`count` rows of the response in a block of columns."""
     width = out.shape[1]
     harris_k, scale = splat_half(harris_k), splat_half(scale)
@@ -259,9 +266,12 @@ def _respond(sums, size, harris_k, scale, out, y, count, start, largest):
             c = _harris(sums, at + i + 2 * _EIGHT, harris_k, scale)
             d = _harris(sums, at + i + 3 * _EIGHT, harris_k, scale)
             most = maximum(d, maximum(c, maximum(b, maximum(a, most))))
-            expect_to_write(out, to + _ROWS * width + i)
-            expect_to_write(out, to + _ROWS * width + i + LANES)
-            store_in_turn(out, to + i, a, b, c, d)
+            if streamed:
+                stream_in_turn(out, to + i, a, b, c, d)
+            else:
+                expect_to_write(out, to + _ROWS * width + i)
+                expect_to_write(out, to + _ROWS * width + i + LANES)
+                store_in_turn(out, to + i, a, b, c, d)
     store(largest, 0, most)
 
 

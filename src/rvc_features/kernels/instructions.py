@@ -68,26 +68,58 @@ def element(typing_context, array, index):
     return array.dtype(array, index), emit
 
 
+def _write(builder: Any, value: Any, pointer: Any, is_streamed: bool) -> None:
+    """Store a vector of float32; streamed: past the caches, to an address that is a multiple of the vector's size."""
+    written = builder.store(value, pointer, align=4 * value.type.count if is_streamed else 4)
+    if is_streamed:
+        written.set_metadata('nontemporal', builder.module.add_metadata([ir.IntType(32)(1)]))
+
+
 @intrinsic
-def store_in_turn(typing_context, array, index, a, b, c, d):
-    """a[0], b[0], c[0], d[0], a[1] and so on: 32 numbers of four vectors of eight.
+def stream(typing_context, array, index, vector):
+    """`store` past the caches, which are neither filled nor asked for what was there; float32, in aligned places."""
+    def emit(context, builder, signature, arguments):
+        target, first, value = arguments
+        place = builder.gep(context.make_array(array)(context, builder, target).data, [first])
+        _write(builder, value, builder.bitcast(place, value.type.as_pointer()), True)
+        return context.get_dummy_value()
+    return types.void(array, index, vector), emit
+
+
+@intrinsic
+def all_written(typing_context):
+    """What was streamed can be read by other threads from here on."""
+    def emit(context, builder, signature, arguments):
+        builder.fence('seq_cst')
+        return context.get_dummy_value()
+    return types.void(), emit
+
+
+def _in_turn(is_streamed: bool) -> Any:
+    """An intrinsic: store a[0], b[0], c[0], d[0], a[1] and so on, 32 numbers of four vectors of eight.
 
     Said so that no number crosses from one half of a register to the other but where halves are put together; of
     shuffles of longer vectors LLVM makes twice as many.
     """
-    def emit(context, builder, signature, arguments):
-        target, first, *rows = arguments
-        low, high = indices([0, 8, 1, 9, 4, 12, 5, 13]), indices([2, 10, 3, 11, 6, 14, 7, 15])
-        for _ in range(2):
-            rows = [builder.shuffle_vector(rows[i], rows[i + 2], lanes) for i in range(2) for lanes in (low, high)]
-        data = context.make_array(array)(context, builder, target).data
-        halves = indices([0, 1, 2, 3, 8, 9, 10, 11]), indices([4, 5, 6, 7, 12, 13, 14, 15])
-        for i, (half, pair) in enumerate((half, pair) for half in halves for pair in (rows[:2], rows[2:])):
-            place = builder.gep(data, [builder.add(first, ir.Constant(first.type, i * HALF))])
-            eight = builder.shuffle_vector(*pair, half)
-            builder.store(eight, builder.bitcast(place, eight.type.as_pointer()), align=4)
-        return context.get_dummy_value()
-    return types.void(array, index, a, b, c, d), emit
+    @intrinsic
+    def store_in_turn(typing_context, array, index, a, b, c, d):
+        def emit(context, builder, signature, arguments):
+            target, first, *rows = arguments
+            low, high = indices([0, 8, 1, 9, 4, 12, 5, 13]), indices([2, 10, 3, 11, 6, 14, 7, 15])
+            for _ in range(2):
+                rows = [builder.shuffle_vector(rows[i], rows[i + 2], lanes) for i in range(2) for lanes in (low, high)]
+            data = context.make_array(array)(context, builder, target).data
+            halves = indices([0, 1, 2, 3, 8, 9, 10, 11]), indices([4, 5, 6, 7, 12, 13, 14, 15])
+            for i, (half, pair) in enumerate((half, pair) for half in halves for pair in (rows[:2], rows[2:])):
+                place = builder.gep(data, [builder.add(first, ir.Constant(first.type, i * HALF))])
+                eight = builder.shuffle_vector(*pair, half)
+                _write(builder, eight, builder.bitcast(place, eight.type.as_pointer()), is_streamed)
+            return context.get_dummy_value()
+        return types.void(array, index, a, b, c, d), emit
+    return store_in_turn
+
+
+store_in_turn, stream_in_turn = _in_turn(False), _in_turn(True)
 
 
 def _expecting(is_write: bool) -> Any:

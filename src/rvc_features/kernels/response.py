@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import functools
+from typing import Callable
 
 import numpy as np
 
 from rvc_features.kernels import gaussian, large_box, smallest_box
-from rvc_features.kernels.compiler import LEAST_WIDTH, in_bands, installed, kernel, read_only
+from rvc_features.kernels.compiler import LEAST_WIDTH, bands, in_bands, installed, kernel, read_only
 from rvc_features.kernels.rows import (
     gradient_buffers,
+    new_map,
     next_gradient_parts,
     reflect,
     reflect_ends,
@@ -36,6 +38,7 @@ if installed:
     )
 
 LARGEST_BOX = 45   # pixels: the largest odd window whose sums of Sobel products fit in 32 bits, w^2 (4 * 255)^2 < 2^31
+_LEAST_STREAMED = 1 << 20   # pixels: smaller maps are read from a near cache, which is worth more than what is saved
 
 
 def response(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float = 0.0,
@@ -57,33 +60,52 @@ def response(image: np.ndarray, window_size: int, window: str, harris_k: float, 
     out : ndarray, float32, shape (H, W), contiguous, optional
         Where to write the response.
     """
-    image = read_only(image)
-    height, width = image.shape
+    return way(image.dtype, image.shape, window_size, window, harris_k, derivative_sigma)(image, out)
+
+
+@functools.lru_cache(maxsize=64, typed=True)
+def way(dtype: np.dtype, shape: tuple[int, int], window_size: int, window: str, harris_k: float,
+        derivative_sigma: float) -> Callable[[np.ndarray, np.ndarray | None], tuple[np.ndarray, float]]:
+    """`response` as a function of image and `out`, for that type and shape; reference: `response.reference_response`.
+
+    Looked up, once it was found: where something else has had the caches, each step of Python takes microseconds.
+    """
+    height, width = shape
     if width < LEAST_WIDTH:
         raise ValueError(f'image must be at least {LEAST_WIDTH} pixels wide; got {width}')
-    response = np.empty((height, width), np.float32) if out is None else out
-    largest = in_bands(lambda first, last: _response_of_rows(image, window_size, window, harris_k, derivative_sigma,
-                                                              response, first, last), height, width)
-    return response, max(largest)
+    fill_in = _way_of_rows(dtype, shape, int(window_size), window, harris_k, derivative_sigma)
+    can_be_streamed = width % LANES == 0 and height * width >= _LEAST_STREAMED
+
+    def compute(image: np.ndarray, out: np.ndarray | None) -> tuple[np.ndarray, float]:
+        image = read_only(image)
+        response, streamed = (new_map(height, width), can_be_streamed) if out is None else (out, False)
+        if bands(height, width) == 1:
+            return response, fill_in(image, response, streamed, 0, height)
+        return response, max(in_bands(lambda *rows: fill_in(image, response, streamed, *rows), height, width))
+    return compute
 
 
-def _response_of_rows(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float,
-                      out: np.ndarray, first: int, last: int) -> float:
-    """Fill in the rows from `first` to before `last`; returns the largest value in them."""
+def _way_of_rows(dtype: np.dtype, shape: tuple[int, int], window_size: int, window: str, harris_k: float,
+                 derivative_sigma: float) -> Callable[..., float]:
+    """What fills in the response in the rows from one to before another, and returns the largest value in them.
+
+    A function of the image, of the response, of whether that may go past the caches, and of the rows.
+    """
     taps = _gaussian_taps(int(np.ceil(4 * derivative_sigma)), derivative_sigma) if derivative_sigma > 0 else None
-    exact = image.dtype == np.uint8 and taps is None
+    exact = dtype == np.uint8 and taps is None
     gradient, product = (_INT16, _INT32) if exact else (_FLOAT64, _FLOAT64)
+    single_k = np.float32(harris_k)
     if window == 'box':
-        is_single = exact and harris_k >= LEAST_K_IN_SINGLE_PRECISION
-        if is_single:
-            if window_size == 3:
-                return smallest_box.response(image, np.float32(harris_k), out, first, last)
-            return large_box.response(image, int(window_size), np.float32(harris_k), out, first, last)
-        return _box_response(image, taps, gradient, product, int(window_size), float(harris_k), out, first, last)
-    if exact and 3 < window_size <= min(LARGEST_BOX, *image.shape) and image.shape[1] >= gaussian.LEAST_WIDTH:
-        return gaussian.response(image, _window_taps(window_size), np.float32(harris_k), out, first, last)
+        if not exact or harris_k < LEAST_K_IN_SINGLE_PRECISION:
+            settings = taps, gradient, product, window_size, float(harris_k)
+            return lambda image, out, _, *rows: _box_response(image, *settings, out, *rows)
+        if window_size == 3:
+            return functools.partial(smallest_box.response, single_k)
+        return lambda image, out, _, *rows: large_box.response(image, window_size, single_k, out, *rows)
+    if exact and 3 < window_size <= min(LARGEST_BOX, *shape) and shape[1] >= gaussian.LEAST_WIDTH:
+        return functools.partial(gaussian.response, *gaussian.arguments(_window_taps(window_size), harris_k))
     weights = _gaussian_weights(window_size)   # for a window of 3, half of what gaussian.py weighs by is zero
-    return _gaussian_response(image, taps, gradient, weights, np.float32(harris_k), out, first, last)
+    return lambda image, out, _, *rows: _gaussian_response(image, taps, gradient, weights, single_k, out, *rows)
 
 
 # For their types: what a kernel keeps gradients and their products in.

@@ -25,6 +25,14 @@ def zeros(count, like):
 
 
 @kernel
+def new_map(height, width):
+    """Array of float32 that begins at a cache line, with whatever is there."""
+    memory = np.empty(height * width + 16, np.float32)
+    start = (63 - (np.int64(memory.ctypes.data) + 63) % 64) // 4
+    return memory[start:start + height * width].reshape((height, width))
+
+
+@kernel
 def row_length(width, lead):
     """Of a buffer for rows of that width that begin at `lead`, with room to read beyond either end; in cache lines."""
     return -(-(lead + width + max(lead, 1) + 2 * LANES) // 64) * 64

@@ -15,7 +15,15 @@ from rvc_features.kernels.compiler import installed, kernel
 from rvc_features.kernels.rows import reflect, row_length, zeros
 
 if installed:
-    from rvc_features.kernels.instructions import SCALE, expect_to_read, expect_to_write, scaled_evens, scaled_odds
+    from rvc_features.kernels.instructions import (
+        SCALE,
+        all_written,
+        expect_to_read,
+        expect_to_write,
+        scaled_evens,
+        scaled_odds,
+        stream,
+    )
     from rvc_features.kernels.vectors import (
         LANES,
         interleaved,
@@ -34,8 +42,11 @@ _UINT8, _INT16, _FLOAT32 = np.empty(0, np.uint8), np.empty(0, np.int16), np.empt
 
 
 @kernel
-def response(image, harris_k, out, first, last):
-    """Fill in the rows from `first` to before `last`; returns the largest value in them."""
+def response(harris_k, image, out, streamed, first, last):
+    """Fill in the rows from `first` to before `last`; returns the largest value in them.
+
+    `streamed`: past the caches; `out` begins at a cache line, and so does each row.
+    """
     height, width = image.shape
     length = row_length(width, LANES)
     pixels, kept = zeros(2 * length, _UINT8), zeros(8 * length, _INT16)
@@ -49,11 +60,12 @@ def response(image, harris_k, out, first, last):
             _sums_down_the_columns(image, pixels, kept, y, start, min(start + _BLOCK, width), sums)
             if y >= first:
                 _reflect_ends(sums, start, width)
-                _responses(sums, min(2, last - y), harris_k, out, y, start, largest)
+                _responses(sums, min(2, last - y), harris_k, out, streamed, y, start, largest)
                 if width % LANES > 0 and start + _BLOCK >= width + LANES:
                     _last_responses(sums, min(2, last - y), harris_k, out, y, start, largest, last_responses)
                 for part in range(0, len(sums), _STRIDE):   # the block's last columns are the next one's lead
                     store(sums, part, load(sums, part + _BLOCK // 2))
+    all_written()
     return largest.max()
 
 
@@ -145,7 +157,7 @@ def _reflect_ends(sums, start, width):
 
 
 @kernel
-def _responses(sums, rows, harris_k, out, y, start, largest):
+def _responses(sums, rows, harris_k, out, streamed, y, start, largest):
     """One row of the response, or two, from sixteen columns before the block to sixteen before its end."""
     width = out.shape[1]
     scale = np.float32(1 / (81 * SCALE ** 4))
@@ -154,16 +166,24 @@ def _responses(sums, rows, harris_k, out, y, start, largest):
     end = min(start + _BLOCK - LANES, width)
     for x in range(max(start - LANES, 0), end - end % LANES, LANES):
         at, to = LANES + (x - start) // 2, y * width + x
-        expect_to_write(out, to + 2 * width)
         response = _response(sums, at, harris_k, scale)
-        store(out, to, response)
+        _write(out, to, response, streamed, 2 * width)
         most = maximum(response, most)
         if rows > 1:
-            expect_to_write(out, to + 3 * width)
             response = _response(sums, at + 6 * _STRIDE, harris_k, scale)
-            store(out, to + width, response)
+            _write(out, to + width, response, streamed, 2 * width)
             most = maximum(response, most)
     store(largest, 0, most)
+
+
+@kernel
+def _write(out, to, response, streamed, ahead):
+    """Store sixteen responses; where they go through the caches, what is written later is fetched."""
+    if streamed:
+        stream(out, to, response)
+    else:
+        expect_to_write(out, to + ahead)
+        store(out, to, response)
 
 
 @kernel
