@@ -14,7 +14,6 @@ from rvc_features.response import BORDER
 
 RUN = 64           # pixels of a row that one estimate of the noise is averaged over
 QUIET = 0.2        # share of the runs that are less noisy than what counts as the image's noise
-ROUNDING = 0.3     # grey values: what rounding to whole ones adds to the noise
 SIGMAS = 16, 64    # pixels: widths of the two neighbourhoods whose energies are averaged
 SIDE = 8           # pixels: of the squares that the narrower one is computed on
 FACTORS = tuple(sigma // SIGMAS[0] for sigma in SIGMAS)
@@ -45,32 +44,19 @@ def noise(image: np.ndarray) -> float:
     run = min(RUN, image.shape[1])
     vectors = compiler.available() and run == RUN
     magnitudes = (compiled.noise_of_runs if vectors else reference_noise_of_runs)(image, run)
-    return _quiet(magnitudes, 6) if len(magnitudes) > 0 else 0.0
+    # The mean magnitude of a normal variable is sqrt(2 / pi), and the mask multiplies noise by 6.
+    return _quiet(magnitudes) * float(np.sqrt(np.pi / 2)) / 6
 
 
-def _quiet(magnitudes: np.ndarray, norm: float) -> float:
-    """Standard deviation of noise whose mean magnitudes under a mask of that norm are these, of the quiet ones."""
-    quiet = int(QUIET * (len(magnitudes) - 1))
-    # The mean magnitude of a normal variable is sqrt(2 / pi).
-    return float(np.partition(magnitudes, quiet)[quiet] * np.sqrt(np.pi / 2) / norm)
+def where_quiet(values: np.ndarray) -> float:
+    """Mean of `values` over such runs of every eighth row, of the run that a fifth of them lie below; 0 without any."""
+    return _quiet(_means_of_runs(values[4:-4:8], min(RUN, values.shape[1])))
 
 
-def smooth_noise(image: np.ndarray) -> float:
-    """The same of noise whose neighbours are alike, as demosaicing, blur or JPEG leave it: the mask at twice the size.
-
-    The pixels are first averaged with 1 2 1, and the mask answers to noise of a pixel or two. White noise gives what
-    `noise` does; fine texture gives more.
-    """
-    mask = np.convolve([1.0, 0, -2, 0, 1], [0.25, 0.5, 0.25])
-    reach = len(mask) // 2
-    rows = range(reach, image.shape[0] - reach, 8)
-    run = min(RUN, image.shape[1])
-    if len(rows) == 0:
-        return 0.0
-    down = sum(weight * image[rows.start - reach + i:rows.stop - reach + i:8].astype(np.float64)
-               for i, weight in enumerate(mask))
-    magnitude = np.abs(cv2.filter2D(down, -1, mask[np.newaxis], borderType=BORDER))
-    return _quiet(_means_of_runs(magnitude, run), float(mask @ mask))
+def _quiet(means: np.ndarray) -> float:
+    """What a fifth of the means of runs lie below; 0 where there are none."""
+    quiet = int(QUIET * (len(means) - 1))
+    return float(np.partition(means, quiet)[quiet]) if len(means) > 0 else 0.0
 
 
 def local_energy(image: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:

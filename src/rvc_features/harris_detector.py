@@ -11,7 +11,7 @@ import numpy as np
 from rvc_features import filters, key_points, maxima, ranked_corners, response, two_scales
 from rvc_features.brief import reporter
 from rvc_features.feature_detector import FeatureDetector, as_grey
-from rvc_features.octaves import Octave, compete, in_layers, joined, merged, number_for_extractors, pyramid
+from rvc_features.octaves import Octave, compete, in_layers, joined, merged, number_for_extractors, pyramid, rounded
 from rvc_features.orientation import direction_of_scales, orient_along_gradient
 from rvc_features.oriented_corners import strongest_oriented
 from rvc_features.parameters import Choice, Flag, Integer, Real, parameter
@@ -102,7 +102,7 @@ class HarrisDetector(FeatureDetector):
         if (points := self._in_one_call(image, mask)) is not None:
             return points
         _, search = self._chosen_filter()
-        octaves = list(pyramid(image, mask, self.octaves))
+        octaves = list(pyramid(image, mask, self.octaves, exact=self.strength == 'two_scales'))
         filtered_first = not (self.anms or self._octaves_compete())   # by responses: what doesn't pass is not refined
         corners = []
         for octave, (of_octave, its_mask) in enumerate(octaves):
@@ -135,7 +135,7 @@ class HarrisDetector(FeatureDetector):
 
         Parameters
         ----------
-        image : ndarray, uint8, shape (H, W)
+        image : ndarray, uint8 or float32, shape (H, W)
             The octave's own image, 2**octave times smaller than the full one.
         octave : int
         mask : ndarray, uint8, shape (H, W), optional
@@ -217,7 +217,8 @@ class HarrisDetector(FeatureDetector):
             else:
                 here = slice(None) if len(octaves) == 1 else np.flatnonzero(points['octave'] == octave)
                 x, y = (points[name][here] / (1 << octave) for name in 'xy')
-                points['angle'][here] = direction_of_scales(image, x, y, self.orientation_sigma, self.shape_adaptation)
+                points['angle'][here] = direction_of_scales(rounded(image), x, y, self.orientation_sigma,
+                                                            self.shape_adaptation)
 
     def pyramid_levels(self, points: np.ndarray) -> np.ndarray:
         """The octave of each point, from its size where `octave` tells the layer, too."""
@@ -254,7 +255,7 @@ class HarrisDetector(FeatureDetector):
                         search: Search) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """The same of the octave's map, which is valid until the thread's next image."""
         strength, largest = self._strength(image, octave)
-        minimum = self._minimum(largest, search, image, octave)
+        minimum = self._minimum(strength, largest, search, image, octave)
         for least in search.bounds(minimum, largest, is_a_corner=mask is None and self.border == 0):
             x, y = self._corners_above(least, strength, mask)
             if search.are_enough(len(x)):
@@ -265,7 +266,7 @@ class HarrisDetector(FeatureDetector):
                        search: Search) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """x and y of local maxima in pixels of the octave, and their rank."""
         strength, largest = self._strength(image, octave)
-        minimum = self._minimum(largest, search, image, octave)
+        minimum = self._minimum(strength, largest, search, image, octave)
         return ranked_corners.ranked_corners(image, strength, minimum, self.border, mask, self.evenness,
                                              self._least_of_energy(), search.share_of_ranks)
 
@@ -275,15 +276,13 @@ class HarrisDetector(FeatureDetector):
             return 0.0
         return two_scales.LEAST_OF_ENERGY_SPREAD if self.anms else two_scales.LEAST_OF_ENERGY
 
-    def _minimum(self, largest: float, search: Search, image: np.ndarray, octave: int) -> float:
+    def _minimum(self, strength: np.ndarray, largest: float, search: Search, image: np.ndarray, octave: int) -> float:
         """What the strength of a corner must exceed in any case."""
         if self.strength == 'harris':
             return self.minimum_response
-        noise = search.noise(image, octave)
-        search.only_noise = search.only_noise or two_scales.is_noise(image, noise, largest)
-        if search.only_noise:
+        if search.is_noise(strength, largest):
             return largest   # which nothing exceeds
-        return two_scales.least_strength(self.minimum_contrast, noise, largest)
+        return two_scales.least_strength(self.minimum_contrast, search.noise(image, octave), largest)
 
     def _size(self) -> int:
         """Side in pixels of what is looked at for one point."""

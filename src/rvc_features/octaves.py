@@ -25,9 +25,15 @@ class Octave(NamedTuple):
     mask: np.ndarray | None
 
 
-def pyramid(image: np.ndarray, mask: np.ndarray | None, octaves: int) -> Iterator[Octave]:
-    """The image, and smaller ones by `cv2.pyrDown`, as many as are wanted and as the size allows."""
+def pyramid(image: np.ndarray, mask: np.ndarray | None, octaves: int, exact: bool = False) -> Iterator[Octave]:
+    """The image, and smaller ones by `cv2.pyrDown`, as many as are wanted and as the size allows.
+
+    Grey values of the smaller ones are rounded, as OpenCV and the exercise sheet have it, unless they are to be exact,
+    in float32: then they have the image's gain and offset.
+    """
     yield Octave(image, mask)
+    if exact and octaves > 1:
+        image = image.astype(np.float32)
     for _ in range(1, octaves):
         if min(image.shape) < 2 * SMALLEST:
             return
@@ -35,6 +41,11 @@ def pyramid(image: np.ndarray, mask: np.ndarray | None, octaves: int) -> Iterato
         image = cv2.pyrDown(image)
         mask = None if mask is None else np.ascontiguousarray(mask[::2, ::2])
         yield Octave(image, mask)
+
+
+def rounded(image: np.ndarray) -> np.ndarray:
+    """An octave's image with whole grey values, uint8."""
+    return image if image.dtype == np.uint8 else cv2.convertScaleAbs(image)
 
 
 def joined(corners: Sequence[np.ndarray]) -> np.ndarray:

@@ -11,7 +11,7 @@ from typing import Iterator
 
 import numpy as np
 
-from rvc_features import contrast
+from rvc_features import contrast, two_scales
 
 MOSTLY_ENOUGH = 0.002   # of the largest response: where the strongest points are sought first
 
@@ -33,13 +33,19 @@ class Search:
         self._threshold, self._number, self.share_of_ranks = threshold, number, share_of_ranks
         self._to_beat = 0.0
         self._noise: float | None = None
-        self.only_noise = False   # whether an octave is nothing else: then those that follow are not, either
+        self._is_noise: bool | None = None
 
     def noise(self, image: np.ndarray, octave: int) -> float:
-        """Noise of an octave, in grey values: measured in the first one, for rounding hides it in those that follow."""
+        """Noise of an octave, in grey values: measured in the first one, and half of it in each that follows."""
         if self._noise is None:
             self._noise = contrast.noise(image) * 2 ** octave
-        return float(np.hypot(self._noise / 2 ** octave, contrast.ROUNDING if octave > 0 else 0.0))
+        return self._noise / 2 ** octave
+
+    def is_noise(self, strength: np.ndarray, largest: float) -> bool:
+        """Whether there is nothing but noise, as the first octave tells: in coarse ones fine texture is noise, too."""
+        if self._is_noise is None:
+            self._is_noise = two_scales.is_noise(strength, largest)
+        return self._is_noise
 
     def bounds(self, minimum: float, largest: float, is_a_corner: bool) -> Iterator[float]:
         """What a response must exceed: to be tried one after the other until there are enough corners.

@@ -185,10 +185,9 @@ def binomial(steps: int) -> np.ndarray:
 
 CONTRAST = 8.73      # grey values: the step at a right-angled corner whose strength is 1
 NOISE_FACTOR = 0.18  # times the noise: the root of the strength that noise alone hardly ever reaches
-SURELY_CORNER = 1.25 # times that: what noise in squares, as JPEG leaves it, does not reach either
-SMOOTH_NOISE_FACTOR = 0.6   # the same where neighbours are alike
-MOST_SMOOTH_NOISE = 4.0     # grey values: with more it is texture
-WHITER = 1.25        # noise that is less than so many times as strong over twice the size is white
+MOST_NOISE = 8.0     # grey values: the step at a corner above which texture is no noise
+LEAST_NOISE = 2.0    # the same, below which rounding and compression alone make corners
+HIGHEST_NOISE = 11   # times its mean: the largest strength of nothing but noise, whatever has smoothed it
 LEAST_OF_ENERGY = 0.05   # of the gradients' energy round a corner: steps of slanted edges are weaker
 LEAST_OF_ENERGY_SPREAD = 0.025   # the same for ANMS, which else has no points for places without strong ones
 LEAST_SHARE = 1e-3   # of the largest strength: what is weaker is no corner, as in drawings, which have no noise
@@ -209,24 +208,23 @@ def least_strength(minimum_contrast: float, noise: float, largest: float) -> flo
     return max(max(minimum_contrast / CONTRAST, NOISE_FACTOR * noise) ** 2, LEAST_SHARE * largest)
 
 
-def is_noise(image: np.ndarray, noise: float, largest: float) -> bool:
-    """Whether nothing in an image is much stronger than its own noise, or that noise, were it smoothed, makes it.
+def is_noise(strength: np.ndarray, largest: float) -> bool:
+    """Whether an image holds nothing but noise, whose neighbours may be alike, as demosaicing, blur or JPEG leave it.
 
-    Where something is, `least_strength` is all there is to say: fine texture looks like smoothed noise, but for its
-    strongest corners.
+    The strongest corner of noise is a few times stronger than the mean, however strong the noise is and however
+    smooth: 5 to 10 times; that of a photograph is 20 times and more stronger than what is there where it is quiet.
+    Fine texture looks like noise, but for its contrast.
 
     Parameters
     ----------
-    image : ndarray, uint8 or float32, shape (H, W)
-    noise, largest : float
-        As for `least_strength`.
+    strength : ndarray, float32, shape (H, W)
+        That of the image's pixels.
+    largest : float
+        The largest of them.
     """
-    if largest < (SURELY_CORNER * NOISE_FACTOR * noise) ** 2:
-        return True
-    if largest >= (SMOOTH_NOISE_FACTOR * MOST_SMOOTH_NOISE) ** 2:
+    if largest >= (MOST_NOISE / CONTRAST) ** 2:
         return False
-    smooth = float(np.hypot(contrast.smooth_noise(image), contrast.ROUNDING if image.dtype == np.uint8 else 0))
-    return smooth > WHITER * noise and largest < (SMOOTH_NOISE_FACTOR * min(smooth, MOST_SMOOTH_NOISE)) ** 2
+    return largest < HIGHEST_NOISE * contrast.where_quiet(strength) + (LEAST_NOISE / CONTRAST) ** 2
 
 
 @functools.lru_cache(maxsize=64)

@@ -53,7 +53,8 @@ def test_the_steps_of_slanted_edges_are_no_corners(degrees, values):
 
 
 @pytest.mark.parametrize('values', [{}, {'fixed_number_of_points': True, 'number_of_points': 100},
-                                    {'anms': True, 'anms_points': 100}, {'octaves': 3}])
+                                    {'anms': True, 'anms_points': 100}, {'octaves': 3},
+                                    {'octaves': 4, 'merge_octaves': False, 'octave_layers': 2}])
 @pytest.mark.parametrize(('gain', 'offset'), [(0.25, 0), (0.5, 30), (1.5, -30), (1.6, 0), (1.0, 30), (1.0, -30)])
 def test_gain_and_offset_change_nothing(gain, offset, values):
     """Of an image that is exact under them: grey values in steps of four, or of twenty."""
@@ -65,12 +66,9 @@ def test_gain_and_offset_change_nothing(gain, offset, values):
     assert 0 <= changed.min() <= changed.max() <= 255
     detector = HarrisDetector(**values)
     points, others = (detector.detect_arrays(each.astype(np.uint8)) for each in (image, changed))
-    if values.get('octaves', 1) > 1:   # pyrDown rounds
-        assert np.mean(distances(points, others) < 0.1) > 0.95
-    else:
-        assert len(points) == len(others) > 50
-        assert distances(points, others).max() < 1e-3
-        assert distances(others, points).max() < 1e-3
+    assert len(points) == len(others) > 50
+    assert distances(points, others).max() < 1e-3
+    assert distances(others, points).max() < 1e-3
 
 
 @pytest.mark.parametrize('sigma', [1, 2, 3])
@@ -88,19 +86,20 @@ def through_jpeg(image, quality=90):
     return cv2.imdecode(cv2.imencode('.jpg', image, [cv2.IMWRITE_JPEG_QUALITY, quality])[1], cv2.IMREAD_GRAYSCALE)
 
 
-@pytest.mark.parametrize('sigma', [1, 3])
-@pytest.mark.parametrize('smoothing', [demosaiced, through_jpeg, lambda image: through_jpeg(demosaiced(image)),
+@pytest.mark.parametrize('sigma', [1, 2, 3])
+@pytest.mark.parametrize('smoothing', [demosaiced, through_jpeg, lambda image: through_jpeg(image, 75),
+                                       lambda image: through_jpeg(image, 95),
+                                       lambda image: through_jpeg(demosaiced(image)),
                                        lambda image: cv2.GaussianBlur(image, (0, 0), 0.7),
                                        lambda image: cv2.GaussianBlur(image, (0, 0), 1.5),
-                                       lambda image: through_jpeg(image, 95)],
-                         ids=['demosaiced', 'jpeg', 'both', 'slightly blurred', 'blurred', 'good jpeg'])
+                                       lambda image: cv2.GaussianBlur(image, (0, 0), 3)],
+                         ids=['demosaiced', 'jpeg', 'coarse jpeg', 'good jpeg', 'both', 'slightly blurred', 'blurred', 'smooth'])
 def test_noise_whose_neighbours_are_alike_is_kept_out(smoothing, sigma):
-    """Hundreds to thousands of points before it was looked at over twice the size, and fifty in the octaves after."""
-    for seed in range(3):
-        noise = np.random.default_rng(seed).normal(0, sigma, (480, 640))
-        image = smoothing(np.clip(np.rint(128 + noise), 0, 255).astype(np.uint8))
-        assert len(HarrisDetector().detect(image)) == 0
-        assert len(HarrisDetector(octaves=3).detect(image)) == 0
+    """Hundreds to thousands of points before the strongest corner was compared with the mean."""
+    noise = np.random.default_rng(sigma).normal(0, sigma, (480, 640))
+    image = smoothing(np.clip(np.rint(128 + noise), 0, 255).astype(np.uint8))
+    for octaves in (1, 3):
+        assert len(HarrisDetector(octaves=octaves).detect(image)) <= 5
 
 
 def test_fine_texture_is_not_taken_for_noise():

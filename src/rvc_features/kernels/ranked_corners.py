@@ -30,7 +30,7 @@ def ranked_corners(strength: np.ndarray, minimum: float, border: int, mask: np.n
     lowest : ndarray, float32
         For each block of BLOCK by BLOCK pixels what no energy in it is below, nor in the half of a block after it.
     """
-    strength, (near, far) = np.ascontiguousarray(strength), averages
+    strength, near, far = (np.ascontiguousarray(each) for each in (strength, *averages))
     mask = read_only(_NO_MASK if mask is None else mask)
     found = in_bands(lambda first, last: _ranked_corners(strength, minimum, border, mask, near, far, sides, lowest,
                                                          evenness, least_of_energy, share, first, last),

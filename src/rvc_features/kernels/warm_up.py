@@ -31,7 +31,7 @@ from rvc_features.kernels import (
 
 
 def compile_all() -> float:
-    """Compile what a detector needs for uint8 images, or load it from the cache; the seconds it took.
+    """Compile what a detector needs for images of a camera, or load it from the cache; the seconds it took.
 
     Without this the first frame waits for it: about a minute where the build has not compiled for this machine,
     half a second otherwise.
@@ -50,11 +50,15 @@ def compile_all() -> float:
             for derivative_sigma in (1.0, 0.0):
                 values, _ = response.response(image, 5, window, 0.04, derivative_sigma)
         ones = np.ones(5)   # as many as the detector's own weights: two_scales compiles for their number
-        for count in (4, 5):   # the usual window, and all others
-            scale = ones[:count], ones[:4], 1.0
-            two_scales.strength(image, two_scales.Weights.of(ones, scale, scale, image.dtype))
+        of_octave = image.astype(np.float32)   # what smaller ones have at two scales
+        for each in (image, of_octave):
+            for count in (4, 5):   # the usual window, and all others
+                scale = ones[:count], ones[:4], 1.0
+                two_scales.strength(each, two_scales.Weights.of(ones, scale, scale, each.dtype))
         contrast.noise_of_runs(image, 16)
-        sums, weights = contrast.energy_of_cells(image, 8), np.ones(9, np.float32)
+        for each in (of_octave, image):
+            sums = contrast.energy_of_cells(each, 8)
+        weights = np.ones(9, np.float32)
         averages = [contrast.averages(sums, *image.shape, 8, factor, weights) for factor in (1, 4)]
         lowest = np.ones((2, 2), np.float32)
         ranked_corners.ranked_corners(values, 10.0, 0, None, averages, (8, 32), lowest, 0.5, 0.0, 0.0)
