@@ -99,9 +99,10 @@ class HarrisDetector(FeatureDetector):
 
     def detect_impl(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray:
         """Corners of every octave, one filter over all of them together, then the direction of those left."""
-        if (points := self._in_one_call(image, mask)) is not None:
-            return points
         _, search = self._chosen_filter()
+        if self._takes_one_call(image, search):
+            return strongest_oriented(image, self.window_size, self.harris_k, self.minimum_response, self.border, mask,
+                                      self.number_of_points, self.orientation_sigma)
         octaves = list(pyramid(image, mask, self.octaves, exact=self.strength == 'two_scales'))
         filtered_first = not (self.anms or self._octaves_compete())   # by responses: what doesn't pass is not refined
         corners = []
@@ -118,16 +119,6 @@ class HarrisDetector(FeatureDetector):
         if self.octave_layers > 1:
             number_for_extractors(points, self._size(), image.shape)
         return points
-
-    def _in_one_call(self, image: np.ndarray, mask: np.ndarray | None) -> np.ndarray | None:
-        """The same by one compiled call, where the strongest corners of the sheet are wanted; else None."""
-        if (self.strength != 'harris' or not (self.local_maxima and self.fixed_number_of_points) or self.evenness > 0
-                or self.subpixel or self.anms or max(self.octaves, self.octave_layers) > 1
-                or self.number_of_points > MOST_CORNERS):
-            return None
-        return strongest_oriented(image, self.window_size, self.window, self.harris_k, self.derivative_sigma,
-                                  self.minimum_response, self.border, mask, self.number_of_points,
-                                  self.orientation_sigma)
 
     def harris_corners(self, image: np.ndarray, octave: int = 0, mask: np.ndarray | None = None,
                        search: Search | None = None) -> np.ndarray:
@@ -150,9 +141,11 @@ class HarrisDetector(FeatureDetector):
         search = search or Search()
         if self.evenness > 0 and self.local_maxima:
             x, y, ranks = self._ranked_of_map(image, octave, mask, search)
+        elif self._needs_no_map(image, search):
+            x, y, ranks = response.corners(image, self.harris_k, self.border, mask,
+                                           *search.wanted(self.minimum_response))
         else:
-            x, y, ranks = (self._corners_without_map(image, mask, search)
-                           or self._corners_of_map(image, octave, mask, search))
+            x, y, ranks = self._corners_of_map(image, octave, mask, search)
             if self.evenness > 0:
                 x, y, ranks = ranked_corners.ranked(image, x, y, ranks, ranks, self.evenness, self._least_of_energy())
         if self._octaves_compete():
@@ -241,19 +234,19 @@ class HarrisDetector(FeatureDetector):
         return response.response_and_maximum(image, self.window_size, self.window, self.harris_k,
                                              self.derivative_sigma, out)
 
-    def _corners_without_map(self, image: np.ndarray, mask: np.ndarray | None,
-                             search: Search) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """x and y of the corners in pixels of the octave, and their strength; None where it takes a map."""
-        wanted = search.wanted(self.minimum_response)
-        if self.strength != 'harris' or not self.local_maxima or self.subpixel or wanted is None:
-            return None
-        minimum, number, share = wanted
-        return response.corners(image, self.window_size, self.window, self.harris_k, self.derivative_sigma, minimum,
-                                self.border, mask, number, share)
+    def _takes_one_call(self, image: np.ndarray, search: Search) -> bool:
+        """Whether one compiled call does it all: the strongest corners of one octave, without a map."""
+        return (self.fixed_number_of_points and max(self.octaves, self.octave_layers) == 1
+                and self.number_of_points <= MOST_CORNERS and self._needs_no_map(image, search))
+
+    def _needs_no_map(self, image: np.ndarray, search: Search) -> bool:
+        """Whether an octave's corners, on whole pixels, are found without a map of the strength."""
+        return (search.leaves_out and self.strength == 'harris' and self.local_maxima and not self.subpixel
+                and response.needs_no_map(image, self.window_size, self.window, self.harris_k, self.derivative_sigma))
 
     def _corners_of_map(self, image: np.ndarray, octave: int, mask: np.ndarray | None,
                         search: Search) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """The same of the octave's map, which is valid until the thread's next image."""
+        """x and y of the corners in pixels of the octave, and their strength, by a map of it."""
         strength, largest = self._strength(image, octave)
         minimum = self._minimum(strength, largest, search, image, octave)
         for least in search.bounds(minimum, largest, is_a_corner=mask is None and self.border == 0):

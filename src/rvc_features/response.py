@@ -108,16 +108,13 @@ def _way(dtype: np.dtype, shape: tuple[int, int], window_size: int, window: str,
     return compute
 
 
-def corners(image: np.ndarray, window_size: int, window: str, harris_k: float, derivative_sigma: float, minimum: float,
-            border: int, mask: np.ndarray | None, number: int | None,
-            share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-    """x, y and response of the local maxima that can be wanted, without a map; None where there has to be one.
+def corners(image: np.ndarray, harris_k: float, border: int, mask: np.ndarray | None, minimum: float,
+            number: int | None, share: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """x, y and response of the local maxima that can be wanted, of an image and a response that `needs_no_map`.
 
     Those above `minimum`, inside the border and where the mask is not zero; in reading order. Where `number` is given
     those that are not among that many strongest may be missing, else those below `share` of the strongest.
     """
-    if not needs_no_map(image, window_size, window, harris_k, derivative_sigma):
-        return None
     return compiled_corners.corners(image, harris_k, minimum, border, mask, number, share)
 
 

@@ -69,10 +69,13 @@ class Search:
         else:
             yield max(minimum, self._to_beat)
 
-    def wanted(self, minimum: float) -> tuple[float, int | None, float] | None:
-        """The same as a response to exceed, a number of strongest and a share of the largest; None: all are wanted."""
-        if self._threshold is None and self._number is None:
-            return None
+    @property
+    def leaves_out(self) -> bool:
+        """Whether not all corners are wanted."""
+        return self._threshold is not None or self._number is not None
+
+    def wanted(self, minimum: float) -> tuple[float, int | None, float]:
+        """The same as a response to exceed, a number of strongest and a share of the largest."""
         # A little below the threshold, for responses are in single precision; the filter decides.
         share = 0.0 if self._threshold is None else (1 - 1e-6) * self._threshold
         return max(minimum, self._to_beat), self._number, share
