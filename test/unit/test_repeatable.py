@@ -93,7 +93,8 @@ def through_jpeg(image, quality=90):
                                        lambda image: cv2.GaussianBlur(image, (0, 0), 0.7),
                                        lambda image: cv2.GaussianBlur(image, (0, 0), 1.5),
                                        lambda image: cv2.GaussianBlur(image, (0, 0), 3)],
-                         ids=['demosaiced', 'jpeg', 'coarse jpeg', 'good jpeg', 'both', 'slightly blurred', 'blurred', 'smooth'])
+                         ids=['demosaiced', 'jpeg', 'coarse jpeg', 'good jpeg', 'both', 'slightly blurred', 'blurred',
+                              'smooth'])
 def test_noise_whose_neighbours_are_alike_is_kept_out(smoothing, sigma):
     """Hundreds to thousands of points before the strongest corner was compared with the mean."""
     noise = np.random.default_rng(sigma).normal(0, sigma, (480, 640))
