@@ -54,7 +54,7 @@ def _find(named: str, package: tuple[str, ...]) -> Path | None:
         return Path(named) / name
     if beside is None and any(any(Path(folder, BESIDE_THE_PACKAGE).glob('rvc_features-*')) for folder in package):
         _logger.warning('the kernels that the build compiled are for another processor, Numba or state of the source: '
-                        'they are compiled anew, for about a minute')
+                        'they are compiled anew, for a minute or two')
     if beside is not None and _can_be_written(beside):
         return beside
     return user if user.is_absolute() and _can_be_written(user) else beside

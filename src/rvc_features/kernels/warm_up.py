@@ -33,7 +33,7 @@ from rvc_features.kernels import (
 def compile_all() -> float:
     """Compile what a detector needs for images of a camera, or load it from the cache; the seconds it took.
 
-    Without this the first frame waits for it: about a minute where the build has not compiled for this machine,
+    Without this the first frame waits for it: a minute or two where the build has not compiled for this machine,
     half a second otherwise.
     """
     start = time.perf_counter()
