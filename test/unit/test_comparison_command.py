@@ -3,6 +3,7 @@
 import csv
 import html
 import json
+import multiprocessing
 import os
 import re
 import signal
@@ -18,7 +19,7 @@ import pytest
 from conftest import texture
 
 from rvc_features import detectors, presets
-from rvc_features.comparison import command, measures, pictures, warps
+from rvc_features.comparison import command, executors, measures, pictures, warps
 
 pytestmark = pytest.mark.slow   # whole comparisons
 
@@ -418,6 +419,30 @@ def test_it_goes_on_after_an_interruption(photograph, uninterrupted, tmp_path, n
     assert {path: path.stat().st_mtime_ns for path in kept} == kept
     assert [path.name for path in results_in(tmp_path)] == [path.name for path in results_in(uninterrupted)]
     assert without_times(read_csv(tmp_path / 'pairs.csv')) == without_times(read_csv(uninterrupted / 'pairs.csv'))
+
+
+peers = []
+
+
+def close_peer():
+    peers.pop().close()
+
+
+@pytest.mark.parametrize('jobs', [[], [dict, close_peer]])
+def test_a_worker_whose_parent_dies_with_an_answer_unread_ends_without_a_word(jobs):
+    """Its pipe is then not at its end, but reset."""
+    ours, theirs = multiprocessing.Pipe()
+    for job in jobs:
+        ours.send((job, (), {}))
+    peers.append(ours)
+    if not jobs:
+        theirs.send('unread')
+        close_peer()
+    interrupted = signal.getsignal(signal.SIGINT)
+    try:
+        executors._work(theirs)
+    finally:
+        signal.signal(signal.SIGINT, interrupted)
 
 
 def test_what_changes_is_measured_anew(sequence, tmp_path):

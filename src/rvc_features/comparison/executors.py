@@ -108,20 +108,23 @@ class WorkerProcesses(Executor):
 
 
 def _work(pipe: connection.Connection) -> None:
-    """In each worker process: jobs from the pipe until it ends."""
+    """In each worker process: jobs from the pipe until it ends, which the parent's death may do at any time."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)   # Ctrl-C is for the parent
     _end_with_the_parent()
     while True:
         try:
             function, arguments, named = pipe.recv()
-        except EOFError:
+        except (EOFError, ConnectionError):
             return
         answer: tuple[Any, Exception | None]
         try:
             answer = function(*arguments, **named), None
         except Exception as error:
             answer = None, error
-        pipe.send(answer)
+        try:
+            pipe.send(answer)
+        except ConnectionError:
+            return
 
 
 def _end_with_the_parent() -> None:
